@@ -3,7 +3,7 @@
 """
 Variable-recruitment control of fluidic artificial muscle bundles on ROS 2.
 
-What a notebook needs is here by name; it is imported when it is first asked for.
+The names used in notebooks are available here; each is imported at its first use.
 """
 
 from importlib import import_module

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes files whole or not at all: beside their place first, then moved there."""
+"""Atomic file writing: to a temporary file in the same folder, which then replaces the old one."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,12 +13,12 @@ from fam_bundle_ros.errors import InputError
 
 def write_whole(path: str | Path, content: str | bytes) -> Path:
     """
-    Write a file so that a reader finds the old one or the new one, never a part.
+    Write a file atomically: readers see the old or the new content, never a part.
 
     Raises
     ------
     InputError
-        When the folder is not there or the file cannot be written.
+        When the folder does not exist or the file cannot be written.
     """
     with whole(path) as draft:
         draft.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -28,12 +28,12 @@ def write_whole(path: str | Path, content: str | bytes) -> Path:
 @contextmanager
 def whole(path: str | Path) -> Iterator[Path]:
     """
-    Yield a draft beside a file; it takes the file's place when the block ends well.
+    Yield a temporary file that replaces ``path`` if the block ends without an error.
 
     Raises
     ------
     InputError
-        When the folder is not there or the file cannot be written.
+        When the folder does not exist or the file cannot be written.
     """
     path = Path(path)
     draft = None

@@ -3,7 +3,7 @@
 """
 Writes ROS 2 bags (mcap) without ROS; message definitions by the package rosbags (``tools``).
 
-The bag can be read whenever it was flushed, also when the process was killed since.
+The bag is readable after every flush, even if the process is killed later.
 """
 
 from pathlib import Path
@@ -17,10 +17,10 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 from fam_bundle_ros.mcapfile import McapFile
 
-#: Bytes after which messages go to the file without a flush being asked for.
+#: Size of pending messages, bytes, at which they are flushed automatically.
 _LARGEST_CHUNK = 2 ** 20
 _FOREVER = {'sec': 2147483647, 'nsec': 4294967295}
-#: libyaml where PyYAML has it: metadata are written at every flush, in plain Python for 0.1 s.
+#: libyaml if available: metadata are written at every flush, which takes 0.1 s in plain Python.
 _DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 
 
@@ -33,12 +33,12 @@ class BagWriter:
     folder : path
         Must not exist yet.
     name : str, optional
-        Of the file in it; that of the folder by default.
+        Name of the file in it; that of the folder by default.
 
     Raises
     ------
     InputError
-        When rosbags is not installed or the folder is there already.
+        When rosbags is not installed or the folder exists.
     """
 
     def __init__(self, folder: str | Path, name: str = ''):
@@ -47,7 +47,7 @@ class BagWriter:
         if self.folder.exists():
             raise InputError(f'{folder}: is there already; expected the name of a new folder')
         self._types = types.get_typestore(types.Stores.ROS2_JAZZY)
-        #: Channel of each topic, and what metadata.yaml says of it.
+        #: Channel of each topic, and its entry in metadata.yaml.
         self._channels: dict[str, int] = {}
         self._topics: list[dict[str, Any]] = []
         self._flushed = -1
@@ -74,9 +74,9 @@ class BagWriter:
             Type, as in ``sensor_msgs/msg/JointState``.
         stamp : int, ns
         raw : bytes
-            In CDR.
+            Message in CDR.
         latched : bool
-            Offered with transient local durability when it is played back.
+            Play the topic back with transient local durability.
         """
         channel = self._channels.get(name)
         if channel is None:
@@ -87,7 +87,7 @@ class BagWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Put everything so far on the disk: from now on it can be read."""
+        """Write all pending messages to the file, with metadata."""
         if self._flushed == self.count:
             return
         self._flushed = self.count
@@ -100,7 +100,7 @@ class BagWriter:
         self.flush()
         self._file.close()
         if not self.count:
-            # We made the folder; left behind, it would stand in the way of the next try.
+            # Remove the folder that we made: it would block the next attempt.
             shutil.rmtree(self.folder)
 
     def _add(self, name: str, kind: str, latched: bool) -> int:
@@ -114,7 +114,7 @@ class BagWriter:
             'offered_qos_profiles': _yaml(qos).strip()})
 
     def _metadata(self) -> dict[str, Any]:
-        """Return what metadata.yaml says, version 9 of rosbag2."""
+        """Return the content of metadata.yaml, version 9 of rosbag2."""
         begin = {'nanoseconds_since_epoch': self._file.start}
         lasts = {'nanoseconds': self._file.end - self._file.start}
         return {

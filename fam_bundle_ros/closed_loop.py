@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The closed loop as one kernel: what `fam_bundle_ros.simulation` runs, plain or compiled.
+The closed loop as one kernel, run by `fam_bundle_ros.simulation`, plain or compiled.
 
 Per tick of the controller: events -> recruitment -> for each tick of the pressure loops: pressure
 loops -> rig -> instruments -> log. It is compiled once for each number of motor units; plant and
-models come as function pointers, all references, events and random numbers as arrays.
+models are passed as function pointers; references, events and random numbers as arrays.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from fam_bundle_ros.plant.sensors import (
     SUPPLY,
 )
 
-#: Columns of the log that hold one number, in their order; those of each motor unit follow.
+#: Scalar columns of the log, in their order; the columns of each motor unit follow.
 SINGLE = ('demand', 'strain', 'force', 'supply', 'state', 'saturated', 'overlap_low',
           'overlap_high', 'air', 'work')
 EACH_UNIT = ('pressure', 'setpoint', 'command', 'share')
@@ -39,24 +39,24 @@ EACH_UNIT = ('pressure', 'setpoint', 'command', 'share')
 
 @dataclass
 class LoopConfig:
-    """Everything that does not change in a run."""
+    """Constants of a run."""
 
     rig: RigRecord
     sensors: SensorRecord
     controller: RecruitmentSettings
     pid: PidSettings
-    #: s, of the pressure loops; the controller's period is ``ticks`` of them.
+    #: s, period of the pressure loops; the controller's period is ``ticks`` of them.
     pid_period: float
     ticks: int
-    #: The controller sees what it controls deviate so many times as much from ``about`` (N or 1)
-    #: once the log begins: the gain of its loop, to measure margins; 1 for the truth.
+    #: Factor on the deviation of the controlled reading from ``about`` (N or 1), from the start
+    #: of the log on: changes the loop gain, to measure margins; 1 for no change.
     deviation: float
     about: float
 
 
 @dataclass
 class LoopState:
-    """Everything that changes, but the memory of the models and of the pressure loops."""
+    """State of a run, without the memory of the models and of the pressure loops."""
 
     rig: RigState
     shown: SensorState
@@ -71,11 +71,11 @@ class LoopState:
 
 class Plan(NamedTuple):
     """
-    What is asked of a run, tick by tick of the controller.
+    Inputs of a run for each tick of the controller.
 
     ``kind`` of the reference; ``value`` and ``rate`` (T,); ``imposed`` (T,) strain of a
-    dynamometer at the end of the tick, nan for none; ``load`` and ``fault`` (T,) of int, which of
-    the loads and of the fault records holds; ``normal`` and ``chance`` (T x ticks, channels),
+    dynamometer at the end of the tick, nan for none; ``load`` and ``fault`` (T,) of int, index of
+    the load and of the fault record; ``normal`` and ``chance`` (T x ticks, channels),
     random numbers of the instruments; ``logged`` the first tick that is logged.
     """
 
@@ -100,11 +100,11 @@ def closed_loop(config: Any, state: Any, pids: Any, plant: Any, belief: Any, gas
     ----------
     config, state : LoopConfig, LoopState
     pids : sequence of PidState
-        Of each motor unit.
+        State of the pressure loop of each motor unit.
     plant : Model
-        What the rig is made of.
+        Plant of the rig.
     belief, gas : Belief, Model
-        What the controller inverts; what the pressure loops know of the gas volumes.
+        Model that the controller inverts; model of the gas volumes for the pressure loops.
     loads, faults : sequence of LoadRecord, of FaultRecord
     plan : Plan
     log : array (T, columns)
@@ -136,8 +136,8 @@ def closed_loop(config: Any, state: Any, pids: Any, plant: Any, belief: Any, gas
 
 
 def drive_valves(config: Any, state: Any, pids: Any, gas: Any) -> None:
-    """Let the pressure loops answer the last readings; they know volume and its rate."""
-    # A slice: numba passes an array that lies in a record to no function pointer.
+    """Compute the valve commands of the pressure loops, from readings, volume and its rate."""
+    # A slice, since numba cannot pass an array field of a record to a function pointer.
     pressure, strain = state.measured.pressure[:], state.shown.shown[STRAIN]
     for i in range(len(pressure)):
         volume = config.rig.tube_volume + gas.volume(
@@ -150,7 +150,7 @@ def drive_valves(config: Any, state: Any, pids: Any, gas: Any) -> None:
 
 
 def measure(config: Any, state: Any, faults: Any, normal: Any, chance: Any) -> None:
-    """Read the instruments, and give the controller what they show."""
+    """Read the instruments, and pass the readings to the controller."""
     true_channels(config.rig, state.rig, state.true)
     read_sensors(config.sensors, state.shown, state.true, state.rig.time, faults, normal, chance)
     measured, shown = state.measured, state.shown
@@ -161,7 +161,7 @@ def measure(config: Any, state: Any, faults: Any, normal: Any, chance: Any) -> N
 
 
 def deviate(config: Any, measured: Any, kind: int) -> None:
-    """Let the reading of what is controlled deviate more than it does: see `LoopConfig`."""
+    """Scale the deviation of the controlled reading: see `LoopConfig.deviation`."""
     k, about = config.deviation, config.about
     if kind == 0:
         measured.force = about + k * (measured.force - about)
@@ -171,7 +171,7 @@ def deviate(config: Any, measured: Any, kind: int) -> None:
 
 
 def write_row(state: Any, row: Any) -> None:
-    """Write what is so at the end of a tick, in the order of `SINGLE` and `EACH_UNIT`."""
+    """Write a row at the end of a tick, in the order of `SINGLE` and `EACH_UNIT`."""
     command, rig = state.command, state.rig
     margins = command.margins
     row[0], row[1], row[2] = command.demand, state.true[STRAIN], state.true[FORCE]

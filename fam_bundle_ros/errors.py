@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The one error that says "your input is wrong", shared by every layer."""
+"""The error for invalid user input, shared by all layers."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ class InputError(ValueError):
 
 @contextmanager
 def about(what: str) -> Iterator[None]:
-    """Put in front of an `InputError` of the block what it is about."""
+    """Prefix the message of an `InputError` in the block with its subject."""
     try:
         yield
     except InputError as error:
@@ -26,9 +26,9 @@ def about(what: str) -> Iterator[None]:
 
 def in_short(error: Exception) -> str:
     """
-    Return what an error of a library says, in one line; its kind where it says nothing.
+    Return the message of a library's error in one line; the name of its class if it is empty.
 
-    YAML's has the place in its last line: the line of the file and what is wrong there.
+    For an error of YAML: the line of the file and the problem there.
     """
     mark = getattr(error, 'problem_mark', None)
     if mark is not None:

@@ -1,13 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Packages that not every user needs, and the extra that installs each."""
+"""Optional packages, and the extra that installs each."""
 
 import importlib
 from typing import Any
 
 from fam_bundle_ros.errors import InputError
 
-#: Package as it is imported -> extra of setup.py.
+#: Import name of a package -> extra of setup.py.
 EXTRAS = {'distributed': 'cluster', 'h5py': 'files', 'nicegui': 'web', 'nptdms': 'files',
           'openpyxl': 'files', 'pandas': 'tools', 'plotly': 'tools', 'pyarrow': 'files',
           'rich': 'tools', 'rosbags': 'tools', 'typer': 'tools'}
@@ -21,12 +21,12 @@ def library(module: str, what: str) -> Any:
     ----------
     module : str
     what : str
-        What needs it, for the message: ``log.xlsx: reading it``.
+        Purpose, for the message: ``log.xlsx: reading it``.
 
     Raises
     ------
     InputError
-        Where it is not installed.
+        If it is not installed.
     """
     try:
         return importlib.import_module(module)

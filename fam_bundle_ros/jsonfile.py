@@ -41,10 +41,10 @@ def plain(value: Any) -> Any:
 
 
 def to_json(value: Any) -> str:
-    """Return a result as JSON that every reader takes."""
+    """Return a result as strict JSON (without nan and infinity)."""
     return json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False) + '\n'
 
 
 def write_json(path: str | Path, value: Any) -> Path:
-    """Write a result as JSON, whole or not at all."""
+    """Write a result as JSON, atomically."""
     return write_whole(path, to_json(value))

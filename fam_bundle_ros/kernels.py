@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plain functions on records, run as they are or compiled by numba.
+Plain functions on records, interpreted or compiled by numba.
 
 A kernel is a Python function of numbers, lists of numbers and records: arithmetic, `math`, `if`,
 `for`, and calls of other kernels by name. It runs unchanged on dataclasses with lists (no numba
 needed), and `compiled` turns it and every kernel that it calls into machine code that works on
-NumPy records with the same field names (`pack`, `unpack`). Compiled code is kept in the user's
+NumPy records with the same field names (`pack`, `unpack`). Compiled code is cached in the user's
 cache folder, in a folder named by a hash of the sources and of numba's version.
 """
 
@@ -26,13 +26,13 @@ from typing import Any
 import numpy as np
 
 PACKAGE = 'fam_bundle_ros'
-#: Set to anything but 0, this makes everything run without numba.
+#: Environment variable: any value but 0 disables numba.
 PLAIN_VARIABLE = 'FAM_BUNDLE_PLAIN'
 
 
 @cache
 def numba() -> Any:
-    """Return the numba module, or None where it is not installed or not wanted."""
+    """Return the numba module, or None where it is not installed or disabled."""
     if os.environ.get(PLAIN_VARIABLE, '0') != '0':
         return None
     try:
@@ -44,9 +44,9 @@ def numba() -> Any:
     def count_from_anywhere():
         FunctionIdentity._unique_ids = count(int.from_bytes(os.urandom(6), 'big'))
 
-    # The names of compiled functions have this counter in them, but not the sizes of records. From
-    # 1 on in each process, what two had compiled for two and for three units got one name, and a
-    # third process that loaded both ran one of them for both (see numba issue 10486).
+    # The names of compiled functions contain this counter, but not the sizes of records. If it
+    # starts at 1 in each process, functions compiled for two and for three units in two processes
+    # get one name, and a third process that loads both calls the wrong one (numba issue 10486).
     count_from_anywhere()
     os.register_at_fork(after_in_child=count_from_anywhere)
     return numba
@@ -77,7 +77,7 @@ def pack(instance: Any) -> np.void:
 
 
 def pack_all(instances: Sequence[Any]) -> np.ndarray:
-    """Return an array of records, one for each of some instances of one dataclass."""
+    """Return an array of records of instances of one dataclass."""
     records = np.zeros(len(instances), _dtype(instances[0]))
     for record, instance in zip(records, instances):
         _write(record, instance)
@@ -104,7 +104,7 @@ def _dtype(instance):
         if array.dtype.kind not in 'bif':
             raise TypeError(f'{type(instance).__name__} has a field of {array.dtype}; a record '
                             'holds numbers')
-        # A whole number in a field of floats stays a float: one dtype for one class.
+        # An integer in a float field becomes a float, so that a class has one dtype.
         number = 'f8' if 'float' in str(annotation) else {'b': '?', 'i': 'i8', 'f': 'f8'}[
             array.dtype.kind]
         return (number, array.shape) if array.shape else (number,)
@@ -131,7 +131,7 @@ def compiled(function: Callable) -> Callable:
     Raises
     ------
     RuntimeError
-        When numba is not there; ask `numba` first.
+        When numba is not available; check with `numba` first.
     """
     engine = numba()
     if engine is None:
@@ -146,10 +146,10 @@ def compiled(function: Callable) -> Callable:
 
 
 def _one_at_a_time(compile_: Callable, folder: Path) -> Callable:
-    """Return `compile_` for processes that start together: one compiles, the others load it."""
+    """Return `compile_` with a file lock: one process compiles, the others load the result."""
     def locked(signature):
         with contextlib.ExitStack() as stack:
-            # where the folder has gone or knows no locks, each process compiles for itself
+            # without the folder, or without locks on it, each process compiles for itself
             with contextlib.suppress(OSError):
                 lock = os.open(folder, os.O_RDONLY)
                 stack.callback(os.close, lock)
@@ -161,17 +161,17 @@ def _one_at_a_time(compile_: Callable, folder: Path) -> Callable:
 @cache
 def compiled_inside(function: Callable, counted: bool = True) -> Callable:
     """
-    Return a kernel for use inside another one: compiled with it, no file of its own.
+    Return a kernel for use inside another one: compiled with it, without a file of its own.
 
-    Compiled code alone can call it: the way in from Python, which nothing needs, would take a
-    fifth of the time of compiling.
+    It can only be called by compiled code: a wrapper for Python would take a fifth of the
+    compilation time.
 
     Parameters
     ----------
     function : callable
     counted : bool
-        Whether references to arrays are counted. Our own kernels make no array, and counting
-        takes a quarter of the time of a closed loop; a user's function may make one.
+        Whether references to arrays are counted, as a user's function may allocate arrays. Our
+        own kernels do not, and counting takes a quarter of the time of a closed loop.
     """
     return numba().njit(error_model='numpy', _nrt=counted, no_cpython_wrapper=True,
                         no_cfunc_wrapper=True)(_rebound(function, counted))
@@ -179,20 +179,20 @@ def compiled_inside(function: Callable, counted: bool = True) -> Callable:
 
 def pointer(function: Callable, signature: str) -> Any:
     """
-    Return a kernel as a C function that compiled kernels can be given as an argument.
+    Return a kernel as a C function that can be passed to compiled kernels as an argument.
 
-    Kernels that take it are compiled once for all functions of that signature.
+    Kernels with such an argument are compiled once for all functions of that signature.
 
     Parameters
     ----------
     function : callable
     signature : str
-        As numba writes it, such as ``'float64(int64, float64[::1])'``.
+        Signature in numba's notation, such as ``'float64(int64, float64[::1])'``.
 
     Raises
     ------
     NotCompiled
-        When numba is not there, or cannot compile the function.
+        When numba is not available, or cannot compile the function.
     """
     engine = numba()
     if engine is None:
@@ -205,10 +205,10 @@ def pointer(function: Callable, signature: str) -> Any:
             try:
                 return _pointer_type()(engine.cfunc(signature, cache=on_file,
                                                     error_model='numpy')(kernel))
-            except Exception as error:  # numba raises many kinds, also its own bugs
-                told = error
-        shutil.rmtree(cache_root() / key, ignore_errors=True)  # it may have been damaged
-    raise NotCompiled(f'{function.__name__}: {told}') from told
+            except Exception as error:  # numba raises many kinds, also by its own bugs
+                cause = error
+        shutil.rmtree(cache_root() / key, ignore_errors=True)  # the cache may be damaged
+    raise NotCompiled(f'{function.__name__}: {cause}') from cause
 
 
 class NotCompiled(RuntimeError):
@@ -217,7 +217,7 @@ class NotCompiled(RuntimeError):
 
 @cache
 def _pointer_type():
-    """Return the class of first-class functions; made late, because it needs numba."""
+    """Return the class of first-class functions; created at first use, because it needs numba."""
     protocol: Any = numba().types.WrapperAddressProtocol
 
     class Pointer(protocol):
@@ -240,7 +240,7 @@ def _rebound(function, counted):
             names[name] = compiled_inside(value, counted)
         elif hasattr(value, 'compiled_names'):
             names[name] = value.compiled_names(counted)
-    # compiled code is looked up by this name in the next process; a user's file has none there
+    # the cache is looked up by this module name; a user's file may not be importable later
     names['__name__'] = __name__
     return types.FunctionType(function.__code__, names, function.__name__,
                               function.__defaults__, function.__closure__)
@@ -248,25 +248,25 @@ def _rebound(function, counted):
 
 class Alternative:
     """
-    A kernel that plain Python has a faster way for, say one call on arrays in place of a loop.
+    A kernel with a faster version in plain Python, such as one call on arrays instead of a loop.
 
     Parameters
     ----------
     kernel : callable
-        What is compiled.
+        Version that is compiled.
     plain : callable
-        What runs without compilation: the same arguments, the same numbers.
+        Version that runs without compilation: the same arguments and results.
     """
 
     def __init__(self, kernel: Callable, plain: Callable):
         self.kernel, self.plain = kernel, plain
 
     def __call__(self, *values: Any) -> Any:
-        """Run the plain way."""
+        """Run the plain version."""
         return self.plain(*values)
 
     def compiled_names(self, counted: bool = True) -> Callable:
-        """Return what takes its place in compiled code; see `compiled_inside`."""
+        """Return the compiled version for use in compiled code; see `compiled_inside`."""
         return compiled_inside(self.kernel, counted)
 
 
@@ -293,7 +293,7 @@ def fingerprint(function: Callable) -> str:
                         if hasattr(word, 'py_func'):
                             walk(word.py_func)
     walk(function)
-    # 2: since functions are counted from anywhere
+    # 2: version of the cache, since functions are counted from a random number
     digest = hashlib.sha256(f'2 {numba().__version__}'.encode())
     for kernel in seen:
         code = kernel.__code__
@@ -312,7 +312,7 @@ def cache_root() -> Path:
 
 @contextlib.contextmanager
 def _cache_folder(key):
-    """Let numba keep what is decorated inside in a folder of its own; yield if that works."""
+    """Set numba's cache folder for functions compiled in the block; yield if it is writable."""
     config = numba().config
     folder, before = cache_root() / key, config.CACHE_DIR
     try:

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Writes an MCAP file that is whole after every flush, whatever becomes of the process.
+Writes an MCAP file that is complete after every flush, even if the process is killed later.
 
-The format: https://mcap.dev/spec. Messages are collected in a chunk. A flush puts the chunk where
-the end of the file was (summary and footer) and a new end behind it, in one write: a process that
-is killed leaves what it had up to its last flush, with index.
+The format: https://mcap.dev/spec. Messages are collected in a chunk. A flush overwrites the end of
+the file (summary and footer) with the chunk and a new end, in one write: after a kill the file has
+all messages up to the last flush, with an index.
 """
 
 from collections.abc import Mapping
@@ -42,20 +42,20 @@ class McapFile:
     path : path
         Must not exist yet.
     library : str
-        Who writes it.
+        Name of the writing software.
 
     Attributes
     ----------
     counts : dict of int to int
-        Messages of each channel.
+        Number of messages of each channel.
     start, end : int, ns
-        First and last time of a message; 0 before there is one.
+        First and last time of a message; 0 without messages.
     """
 
     def __init__(self, path: Path, library: str):
         self._file = path.open('xb', buffering=0)
         self._schemas: dict[str, int] = {}
-        #: Records of schemas and channels: in the chunk where they come first, and in the summary.
+        #: Records of schemas and channels: in the chunk of their first use, and in the summary.
         self._schema_records: list[bytes] = []
         self._channel_records: list[bytes] = []
         self._chunk_indexes: list[bytes] = []
@@ -67,12 +67,12 @@ class McapFile:
         self._any = False
         head = _MAGIC + _record(_HEADER, _text('ros2'), _text(library))
         self._file.write(head)
-        #: Where the next chunk goes.
+        #: Offset of the next chunk in the file.
         self._offset = len(head)
 
     @property
     def pending(self) -> int:
-        """Bytes that would be lost now."""
+        """Size of the messages that are not flushed yet, bytes."""
         return len(self._chunk)
 
     def add_channel(self, topic: str, schema: str, definition: str, encoding: str,
@@ -102,7 +102,7 @@ class McapFile:
         self.counts[channel] += 1
 
     def flush(self, metadata: str) -> None:
-        """Put everything so far into the file; ``metadata`` is what rosbag2 reads there."""
+        """Write all pending messages to the file; ``metadata`` is for rosbag2."""
         chunk = self._close_chunk()
         whole = chunk + self._tail(self._offset + len(chunk), metadata)
         self._file.seek(self._offset)
@@ -112,11 +112,11 @@ class McapFile:
         self._offset += len(chunk)
 
     def close(self) -> None:
-        """Close the file as it is after the last flush."""
+        """Close the file without a flush."""
         self._file.close()
 
     def _close_chunk(self) -> bytes:
-        """Return the chunk with the index of its messages, and begin a new one."""
+        """Return the chunk with the index of its messages, and start a new one."""
         if not self._chunk:
             return b''
         times = [time for places in self._places.values() for time, _ in places]

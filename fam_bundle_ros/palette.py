@@ -1,28 +1,28 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One colour per effect and per recruitment state: in every figure, page, README and workbench.
+One colour per effect and per recruitment state, in all figures and pages.
 
-Hues come from Okabe and Ito's set, darkened for white paper and lightened for dark pages until a
-line stands out by 3 to 1. Look-alikes (a second shape of the same physics) share the hue of the
-first and are dashed, so that colour is never the only difference between them.
+Hues are from Okabe and Ito's set, darkened for white paper and lightened for dark pages to a
+contrast of at least 3 to 1. Alternative shapes of the same physics share the hue of the first and
+are dashed, so that colour is never the only difference between them.
 """
 
 from typing import NamedTuple
 
 
 class Colour(NamedTuple):
-    """A colour on a light page and the one that stands for it on a dark page, '#RRGGBB'."""
+    """A colour for light pages and its counterpart for dark pages, '#RRGGBB'."""
 
     light: str
     dark: str
 
     def on(self, dark: bool) -> str:
-        """Return the one for a dark or a light page."""
+        """Return the colour for a dark or a light page."""
         return self.dark if dark else self.light
 
 
-#: Paper, ink and what lies between. ``measured`` and ``reference`` are data, never a hue.
+#: Neutral colours from paper to ink.
 NEUTRAL = {
     'paper': Colour('#FFFFFF', '#15181B'),
     'surface': Colour('#F6F6F4', '#1D2125'),
@@ -46,20 +46,20 @@ _TEAL = Colour('#1F7F86', '#63C6CC')
 _BROWN = Colour('#80583A', '#C9A083')
 _GREY = Colour('#6E757B', '#99A1A8')
 
-#: What a law of the catalogue may name as its hue.
+#: Names of hues for the laws of the catalogue.
 _HUES = {'blue': _BLUE, 'green': _GREEN, 'orange': _ORANGE, 'vermillion': _VERMILLION,
          'purple': _PURPLE, 'sky': _SKY, 'olive': _OLIVE, 'indigo': _INDIGO, 'wine': _WINE,
          'teal': _TEAL, 'brown': _BROWN, 'grey': _GREY}
 _OWN = Colour('#A0343C', '#F08A8F')
 _STATES = (_GREY, _BLUE, _ORANGE, _GREEN, _PURPLE, _SKY, _VERMILLION)
 
-#: While the bundle shortens (+1), rests (0), lengthens (-1).
+#: Directions of motion: the bundle shortens (+1), rests (0), lengthens (-1).
 DIRECTIONS = {1: _BLUE, 0: _GREY, -1: _VERMILLION}
-#: Closed-loop runs side by side, ours first; blue and orange there are motor units.
+#: Closed-loop runs in comparison, ours first; blue and orange denote motor units there.
 CONTROLLERS = (_INDIGO, _VERMILLION, _GREEN, _PURPLE)
 #: Axes and line of the workbench's icon.
 ICON = (_BLUE, _PURPLE)
-#: Low to high pressure, after viridis; the ends are moved until they stand out from the page.
+#: Low to high pressure, after viridis; the ends are adapted for contrast with the page.
 _RAMP_LIGHT = ('#46206B', '#3B528B', '#21818C', '#3C8F48', '#8C8400')
 _RAMP_DARK = ('#A896E0', '#7FA0E0', '#3FB8B0', '#7FDB83', '#FDE725')
 _RAMP_STEPS = 49
@@ -71,12 +71,12 @@ def effect(name: str) -> Colour:
 
 
 def dash(name: str) -> str:
-    """Return the dash of an effect's line, as plotly names it."""
+    """Return plotly's name of the dash of an effect's line."""
     return _look(name)[1]
 
 
 def _look(name: str) -> tuple[str, str]:
-    # here, not above: the catalogue looks for entry points, which takes time
+    # imported here because the catalogue searches entry points, which takes time
     from fam_bundle_ros.model import catalogue
     law = catalogue.available().get(name)
     return law.look if law is not None else ('', 'solid')
@@ -84,9 +84,9 @@ def _look(name: str) -> tuple[str, str]:
 
 def recruitment_state(state: int) -> Colour:
     """
-    Return the colour of recruitment state RSk, and of motor unit k, which it brings in.
+    Return the colour of recruitment state RSk, and of motor unit k, which it recruits.
 
-    RS0 (all off) is grey; from seven units on the hues come round again.
+    RS0 (all off) is grey; from seven units on the hues repeat.
     """
     return _STATES[0] if state <= 0 else _STATES[1 + (state - 1) % (len(_STATES) - 1)]
 

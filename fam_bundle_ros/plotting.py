@@ -3,8 +3,7 @@
 """
 Common look of the plotly figures: axes, legend, fonts, lines, points, bands.
 
-Figures are drawn in the light colours; a page that goes dark exchanges them by
-`palette.by_page`.
+Figures are drawn in the light colours; dark pages replace them by `palette.by_page`.
 """
 
 from collections.abc import Iterable
@@ -20,7 +19,7 @@ FONT = ('system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "Noto S
         '"Liberation Sans", Arial, sans-serif')
 INK = palette.NEUTRAL['ink'].light
 MUTED = palette.NEUTRAL['muted'].light
-#: What `panels` takes for the layout.
+#: Arguments of `panels` for the layout.
 LAYOUT = ('legend', 'showlegend', 'margin', 'hovermode')
 
 
@@ -31,7 +30,7 @@ def figure(x: str = '', y: str = '', height: int = 380, **layout: Any) -> go.Fig
     Parameters
     ----------
     x, y : str
-        Axis titles, units in brackets; empty where `style_axes` sets them panel by panel.
+        Axis titles, units in brackets; empty where `style_axes` sets them for each panel.
     height : int, px
     **layout
         Further entries of the plotly layout.
@@ -53,7 +52,7 @@ def panels(rows: int, columns: int, height: int, x: str = '', **more: Any) -> go
     x : str
         Title of every horizontal axis.
     **more
-        Entries of the plotly layout (`LAYOUT`), all others as of plotly's ``make_subplots``.
+        Entries of the plotly layout (`LAYOUT`), and arguments of plotly's ``make_subplots``.
     """
     look = {name: more.pop(name) for name in LAYOUT if name in more}
     drawing = make_subplots(rows, columns, **more)
@@ -131,7 +130,7 @@ def band(x: Iterable[Any], low: Iterable[Any], high: Iterable[Any], name: str,
 
 def label(drawing: go.Figure, x: float, y: float, text: str,
           colour: palette.Colour | str = INK, **more: Any) -> None:
-    """Write on the picture, beside the thing that is meant."""
+    """Add a text at a point of the figure."""
     colour = colour if isinstance(colour, str) else colour.light
     drawing.add_annotation(**{'x': x, 'y': y, 'text': text, 'showarrow': False,
                               'font': {'size': 12.5, 'color': colour}, **more})

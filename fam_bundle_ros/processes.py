@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How many cores this process takes; and processes that work for it: environment, output, end."""
+"""Number of threads of this process; environment, output and end of its worker processes."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,9 +10,9 @@ from typing import IO
 
 from threadpoolctl import threadpool_limits
 
-#: Python code before a program: it gets Ctrl-C when its standard input is closed, also by a kill
-#: of the process that started it, and where a script put that in the background (its children
-#: ignore Ctrl-C).
+#: Python code before a program: raises KeyboardInterrupt when standard input is closed, also when
+#: the parent process is killed, or runs in the background of a script (whose children ignore
+#: Ctrl-C).
 ENDS_WITH_STDIN = """
 import os, signal, sys, threading
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -20,21 +20,20 @@ threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.S
                  daemon=True).start()
 """
 
-#: Decorator: BLAS keeps to one thread while a function runs. With matrices of a few hundred rows
-#: its threads mostly wait for each other, and where other programs run that takes many times as
-#: long.
+#: Decorator: BLAS uses one thread while a function runs. With matrices of a few hundred rows its
+#: threads mostly wait for each other, many times longer if other programs run.
 on_one_core = threadpool_limits.wrap(limits=1, user_api='blas')
 
 
 def environment() -> dict[str, str]:
-    """Return the environment of a Python that finds the packages of this one, on one core."""
+    """Return the environment for a Python process with the same packages and one thread."""
     return {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
             'PYTHONPATH': os.pathsep.join(part for part in sys.path if part)}
 
 
 @contextmanager
 def variables(**values: str) -> Iterator[None]:
-    """Set variables of the environment for a while."""
+    """Set environment variables within a block."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
@@ -48,7 +47,7 @@ def variables(**values: str) -> Iterator[None]:
 
 def own_stdout(mode: str = 'w') -> IO:
     """
-    Return standard output for messages; what libraries print from now on goes to standard error.
+    Return standard output for messages; redirect later prints of libraries to standard error.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Finds the files that ship with the package: models, parameters, trajectories, data.
+Paths of the files that are shipped with the package: models, parameters, trajectories, data.
 
-An installed package (colcon or pip) carries ``config/`` inside itself; a source tree, also one
-installed with ``pip install -e`` or ``colcon build --symlink-install``, has it beside the
-package. No ROS share directory is asked for, so nodes start from wherever Python finds them.
+An installed package (colcon or pip) contains ``config/``; a source tree, also one installed with
+``pip install -e`` or ``colcon build --symlink-install``, has it beside the package. No ROS share
+directory is used, so that nodes run wherever Python finds the package.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ from fam_bundle_ros.errors import InputError
 
 def config_path(relative: str | Path) -> Path:
     """
-    Return the path of a file or folder that ships in ``config/``.
+    Return the path of a shipped file or folder in ``config/``.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def config_path(relative: str | Path) -> Path:
     Raises
     ------
     InputError
-        When nothing of that name ships, or when the name leads out of ``config/``.
+        When no such file is shipped, or the name leads out of ``config/``.
 
     """
     root = _root()
@@ -49,7 +49,7 @@ def config_path(relative: str | Path) -> Path:
 
 def config_names(folder: str = '.') -> tuple[str, ...]:
     """
-    Return the names of what ships in a folder of ``config/``, sorted.
+    Return the names of the shipped files in a folder of ``config/``, sorted.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ def config_names(folder: str = '.') -> tuple[str, ...]:
 
 def shipped_or_own(name: str, folder: str) -> Path:
     """
-    Return the path of a user's file, or of one that ships in a folder of ``config/``.
+    Return the path of a user's file, or of a shipped file in a folder of ``config/``.
 
-    A file that exists is taken as it is; else ``spie2021``, ``spie2021.yaml`` and
-    ``models/spie2021.yaml`` all name the one that ships.
+    A file that exists is used; else ``spie2021``, ``spie2021.yaml`` and
+    ``models/spie2021.yaml`` all name the shipped one.
     """
     path = Path(name).expanduser()
     if path.is_file():
@@ -86,24 +86,24 @@ def model_path(name: str | Path) -> Path:
 
 
 def data_path(name: str | Path) -> Path:
-    """Return the path of a measurement, or of one that ships by its name."""
+    """Return the path of a measurement, or of a shipped one by its name."""
     return _own_or(name, _shipped('data', '.csv'), 'file or bag', 'measurements', Path.exists)
 
 
 def protocol_path(name: str | Path) -> Path:
-    """Return the path of a protocol, or of one that ships by its name."""
+    """Return the path of a protocol, or of a shipped one by its name."""
     return _own_or(name, _shipped('protocols', '.yaml'), 'protocol', 'protocols', Path.is_file)
 
 
 def _shipped(folder: str, suffix: str) -> dict[str, str]:
-    """Return what ships in a folder with this ending: name -> path below ``config/``."""
+    """Return the shipped files in a folder with a suffix: name -> path below ``config/``."""
     return {file.removesuffix(suffix): f'{folder}/{file}' for file in config_names(folder)
             if file.endswith(suffix)}
 
 
 def _own_or(name: str | Path, shipped: Mapping[str, str], what: str, plural: str,
             there: Callable[[Path], bool]) -> Path:
-    """Return a user's path where it is there, else that of what ships by this name."""
+    """Return a user's path if it exists, else that of the shipped file of this name."""
     if there(Path(name)):
         return Path(name)
     if str(name) in shipped:
@@ -115,7 +115,7 @@ def _own_or(name: str | Path, shipped: Mapping[str, str], what: str, plural: str
 def _root() -> Path:
     package = Path(__file__).resolve().parent
     source = package.parent
-    # package.xml tells a source tree from a site-packages that has some other config beside us.
+    # package.xml distinguishes a source tree from a site-packages with another config folder.
     if (source / 'package.xml').is_file():
         return source / 'config'
     return package / 'config'

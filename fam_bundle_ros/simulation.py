@@ -3,9 +3,9 @@
 """
 The closed loop without ROS: rig, pressure loops and recruitment controller in one process.
 
-The same step functions as behind the nodes, in the same order per tick (`fam_bundle_ros.
-closed_loop`): readings -> recruitment -> pressure loops -> valves. Compiled where numba is there,
-else plain Python with the same numbers. Deterministic for a seed.
+The same step functions as in the nodes, in the same order per tick (`fam_bundle_ros.closed_loop`):
+readings -> recruitment -> pressure loops -> valves. Compiled if numba is installed, else plain
+Python with the same results. Deterministic for a seed.
 """
 
 from collections.abc import Callable
@@ -55,16 +55,16 @@ class Trajectory:
         ``force`` (N) or ``strain``.
     duration : float, s
     value, rate : callable
-        Of the time in s; per second for the rate.
+        Functions of the time in s; the rate is per second.
     load : Load
     imposed : callable, optional
         Strain over time that a dynamometer imposes.
     events : tuple of (time, dict)
-        Changes of the load in motion, say ``(2.0, {'mass': 8.0})``.
+        Changes of the load during the run, for example ``(2.0, {'mass': 8.0})``.
     prepare : float, s
-        Time before 0 in which the start of the trajectory is taken up gently, not logged.
+        Time before 0 for a smooth transition to the start of the trajectory, not logged.
     faults : tuple of (time, Faults)
-        What is broken from a time on, instead of what was before.
+        Faults from a time on, which replace the ones before.
     """
 
     name: str
@@ -93,13 +93,13 @@ class Log:
     share : ndarray (T, n)
     saturated : ndarray (T,) of str
     overlap : ndarray (T, 2), N
-        Of the present state with the next one, after the controller's model: from the demand
-        up to which the next unit can be crossed without a dip to the largest force.
+        Overlap of the present state with the next one, by the controller's model: from the
+        largest demand at which the next unit is recruited without a dip to the largest force.
     air, work : ndarray (T,), kg and J
-        Drawn from the supply and done on the load so far.
+        Air drawn from the supply and work done on the load since the start.
     decisions : list of (time, str)
     kind : str
-        Of the reference.
+        Kind of the reference.
     """
 
     time: np.ndarray
@@ -122,7 +122,7 @@ class Log:
 
     @property
     def error(self) -> np.ndarray:
-        """Reference minus what was controlled, N or strain, shape (T,)."""
+        """Reference minus controlled variable, N or strain, shape (T,)."""
         return self.reference - (self.force if self.kind == 'force' else self.strain)
 
     @property
@@ -144,7 +144,7 @@ class Log:
 
 
 def load_model_of(load: Load, length: float) -> LoadModel:
-    """Return what a user would tell the controller of a load: its values at the start."""
+    """Return the controller's model of a load, with its initial parameters."""
     if isinstance(load, Dynamometer):
         return LoadModel()
     strains = np.linspace(0.0, 0.25, 11)
@@ -159,30 +159,30 @@ class ClosedLoop:
     Parameters
     ----------
     plant : Bundle or ForeignPlant
-        What the rig is made of.
+        Plant of the rig.
     model : Bundle, optional
-        What the controller believes; the plant's by default, which is then a Bundle.
+        Model of the controller; the plant by default, which must then be a Bundle.
     controller : ControllerConfig
     rig : RigConfig, optional
-        Its load is taken from the trajectory; `rig_for` the model by default.
+        Its load is replaced by the trajectory's; `rig_for` the model by default.
     period : float, s
-        Of the recruitment controller.
+        Period of the recruitment controller.
     pid_period : float, s
-        Of the pressure loops; ``period`` is a multiple of it.
+        Period of the pressure loops; ``period`` is a multiple of it.
     gains : PidGains
     pid : PidConfig, optional
         From the rig's valve, supply and sensor noise by default.
     noise_factor : float
-        On the noise of every sensor.
+        Factor on the noise of every sensor.
     seed : int
     compiled : bool, optional
-        By default where numba is there and can compile plant and model; the first run with a
+        By default if numba is installed and can compile plant and model; the first run with a
         number of motor units then takes some time.
     deviation : (float, float)
-        The controller sees what it controls deviate so many times as much from the second number
-        (N or strain) as it does, from the start of the log on: the gain of its loop.
+        Factor on the deviation of the controlled reading from the second number (N or strain),
+        from the start of the log on: changes the loop gain.
     told_load : bool
-        Whether the controller is told of the load on the bundle (`load_model_of`).
+        Whether the controller has a model of the load (`load_model_of`).
 
     Examples
     --------
@@ -223,7 +223,7 @@ class ClosedLoop:
         ----------
         trajectory : Trajectory
         progress : callable, optional
-            Called now and then with the time done, in s.
+            Called regularly with the simulated time, s.
 
         Returns
         -------
@@ -232,7 +232,7 @@ class ClosedLoop:
         Raises
         ------
         InputError
-            When a load cannot change as an event says, or a strain is imposed out of range.
+            When a load cannot change as in an event, or an imposed strain is out of range.
         """
         run = Run(self, trajectory)
         chunk = _CHUNK if progress else run.ticks
@@ -245,7 +245,7 @@ class ClosedLoop:
 
 class Run:
     """
-    One run of a `ClosedLoop`, that can be taken forward piece by piece.
+    One run of a `ClosedLoop` that can be advanced in steps.
 
     Parameters
     ----------
@@ -255,9 +255,9 @@ class Run:
     Attributes
     ----------
     ticks, done : int
-        Of the controller: all, and so far.
+        Ticks of the controller: all, and those done.
     period : float, s
-        Of the controller.
+        Period of the controller.
     state : LoopState, or a record of one
     compiled : bool
     """
@@ -306,7 +306,7 @@ class Run:
                                 for item in self._plan))
 
     def _changes(self, first, events, change):
-        """Return what holds one after the other, and which of it in each tick."""
+        """Return the successive values of an input, and the index of the valid one per tick."""
         found, which = [first], np.zeros(self.ticks, int)
         for time, new in sorted(events, key=lambda event: event[0]):
             found.append(change(found[-1], new))
@@ -332,7 +332,7 @@ class Run:
                     normal, chance, int(np.sum(self._times() < 0.0)))
 
     def _compile(self, loop, controller, begun) -> None:
-        """Turn records and lists into those of compiled code, where everything compiles."""
+        """Convert records and lists for compiled code, if everything can be compiled."""
         try:
             plant, belief, gas = (loop.plant.model(True), controller.belief(True),
                                   loop.model.model(True))
@@ -349,13 +349,13 @@ class Run:
         self._step = kernels.compiled(closed_loop)
 
     def advance(self, tick: int) -> None:
-        """Go on to a tick of the controller."""
+        """Advance to a tick of the controller."""
         self._step(self._config, self.state, self._pids, *self._models, self._loads,
                    self._faults, self._plan, self._log, self._reasons, self.done, tick)
         self.done = tick
 
     def log(self) -> Log:
-        """Return what happened in the ticks that are done."""
+        """Return the log of the ticks done so far."""
         trajectory, start = self.trajectory, self._plan.logged
         rows = self._log[:max(self.done - start, 0)]
         begins = self._times()
@@ -374,7 +374,7 @@ class Run:
 
 
 def pid_config(rig: RigConfig, period: float, noise_factor: float = 1.0) -> PidConfig:
-    """Return a pressure loop that knows the rig's valve, supply and sensor noise."""
+    """Return the configuration of a pressure loop for the rig's valve, supply and sensor noise."""
     config = PidConfig(valve=rig.valve, supply=rig.supply.pressure,
                        ambient=rig.ambient_pressure, transport_delay=0.0)
     left = math.sqrt(period / (2.0 * config.filter_time))
@@ -383,7 +383,7 @@ def pid_config(rig: RigConfig, period: float, noise_factor: float = 1.0) -> PidC
 
 
 def _reference(trajectory, t, begin):
-    """Return value and rate of the reference; before 0 the way from ``begin`` to the start."""
+    """Return value and rate of the reference; before 0 a smooth transition from ``begin``."""
     if t >= 0.0:
         return float(trajectory.value(t)), float(trajectory.rate(t))
     span = 0.7 * trajectory.prepare

@@ -6,7 +6,7 @@ from html import escape
 
 
 class Told:
-    """A result that `print` tells in full: its first line in a shell, all of it in a notebook."""
+    """Base of results: `repr` is the first line of the text, a notebook shows all of it."""
 
     def __repr__(self) -> str:
         return f'<{type(self).__name__} {str(self).splitlines()[0]}>'

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Units at the edges of the package: text with units in, SI floats out, and back."""
+"""Conversion of text with units to SI floats, and back."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fam_bundle_ros.errors import InputError
 if TYPE_CHECKING:
     import pint
 
-#: Words that people write in lab notes and that pint does not take as units.
+#: Unit names that users write and that pint does not accept.
 _SPELLINGS = {'%': 'percent', '': 'dimensionless', '1': 'dimensionless', '-': 'dimensionless',
               'lbf': 'pound_force', 'deg': 'degree'}
 
-#: SI value and dimension of the units of the catalogue and of our own files: pint, which takes
-#: 0.3 s to load, is asked for all others.
+#: SI value and dimension of the units in the catalogue and in our own files; pint, which takes
+#: 0.3 s to load, is used for all others.
 _KNOWN = {
     '1': (1.0, ''), 'm': (1.0, 'length'), 'mm': (1e-3, 'length'), 'deg': (math.radians(1.0), 'a'),
     's': (1.0, 'time'), '1/s': (1.0, 'rate'), 'N': (1.0, 'force'), 'N*m': (1.0, 'moment'),
@@ -41,12 +41,12 @@ def registry() -> pint.UnitRegistry:
 @lru_cache(maxsize=512)
 def si_factor(unit: str, like: str) -> float:
     """
-    Return how many SI units of the dimension of ``like`` one ``unit`` is.
+    Return the value of one ``unit`` in the SI unit of the dimension of ``like``.
 
     Raises
     ------
     InputError
-        When ``unit`` is unknown or has another dimension than ``like``.
+        When ``unit`` is unknown or its dimension is not that of ``like``.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def parse(value: str | int | float, like: str) -> float:
     Parameters
     ----------
     value : str or number
-        A number with a unit; a bare number is taken only where ``like`` is dimensionless.
+        A number with a unit; without a unit only where ``like`` is dimensionless.
     like : str
         A unit of the expected dimension, for example ``'kPa'``.
 
@@ -109,7 +109,7 @@ def parse(value: str | int | float, like: str) -> float:
 
 def spaced(text: str) -> str:
     """
-    Return a quantity as people type it in the form that `parse` takes.
+    Return a quantity as typed by a user in the form that `parse` accepts.
 
     Examples
     --------

@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The control benchmark: our controller beside one equal pressure, on plants that are not its model.
+The control benchmark: our controller and one equal pressure, on plants that are not its model.
 
 A case is (plant, trajectory, units, other, seed): `reversal_aware`, `equal_pressure` and one
-``other`` controller on the same trajectory. By default the cases hold every pair of values, else
-all of them. Plants are in `plants`, gains at equal margins in `margins`, figures in
-`control_metrics`.
+``other`` controller on the same trajectory. By default the cases cover every pair of values, with
+``full`` every combination. Plants are in `plants`, gains at equal margins in `margins`, figures
+in `control_metrics`.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,17 +46,17 @@ from fam_bundle_ros.simulation import Log
 __all__ = ['Case', 'cases_of', 'ControlBenchmark', 'MODEL', 'OTHERS', 'PLANTS', 'run_benchmark',
            'run_case', 'TRAJECTORIES', 'UNITS']
 
-#: Controllers beside the two that every case has; ``no_feedback`` runs on the nominal plant.
+#: Controllers in addition to the two of every case; ``no_feedback`` runs on the nominal plant.
 OTHERS = tuple(CONTROLLERS)[2:-1]
 OURS, BESIDE = tuple(CONTROLLERS)[:2]
-#: Runs whose logs are handed back for the plots: (plant, trajectory, units).
+#: Runs whose logs are returned for the plots: (plant, trajectory, units).
 SHOWN = (('everything', 'ramp_20', 2), ('everything', 'moved', 2), ('everything', 'sine_0.5', 2),
          ('nominal', 'ramp_20', 2))
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is run: our controller, equal pressure and ``others`` on one plant and trajectory."""
+    """A case: our controller, equal pressure and ``others`` on one plant and trajectory."""
 
     plant: str
     trajectory: str
@@ -71,7 +71,7 @@ class Case:
 @dataclass(frozen=True)
 class ControlBenchmark:
     """
-    What `run_benchmark` found.
+    Result of `run_benchmark`.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
     Returns
     -------
     rows : list of dict
-        Ours first, then that of equal pressure, then the others.
+        Our controller first, then equal pressure, then the others.
     logs : dict
         By (controller, trajectory, plant).
 
@@ -160,7 +160,7 @@ def run_benchmark(cases: Sequence[Case], workers: int | None = None,
                   progress: Callable[[int, int, str], None] | None = None,
                   scheduler: str | None = None) -> ControlBenchmark:
     """
-    Run cases on all cores; rows come in their order, whatever ended first.
+    Run cases on all cores; the rows are in the order of the cases.
 
     Parameters
     ----------
@@ -169,14 +169,14 @@ def run_benchmark(cases: Sequence[Case], workers: int | None = None,
     workers : int, optional
         Processes; all cores by default.
     progress : callable, optional
-        Called with cases done, cases in all, and what was done last.
+        Called with the number of cases done, the number of cases, and the last one.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers run them.
+        Address of a Dask scheduler whose workers run the cases.
     """
     begin = time.perf_counter()
     for case in cases:
         kind_of(case.plant)
-    # Cases of one plant go to one worker in turn: gains and margins are worked out once there.
+    # Cases of one plant go to one worker, which computes gains and margins once.
     groups: dict[tuple[str, str], list[Case]] = {}
     for case in cases:
         kind = 'strain' if case.trajectory.split('_')[0] in ('strain', 'load', 'arm') else 'force'
@@ -195,7 +195,7 @@ def run_benchmark(cases: Sequence[Case], workers: int | None = None,
 
 
 def _run_group(group):
-    """Run cases in a worker; bring logs only where they are wanted, they are large."""
+    """Run cases in a worker; return only the logs that are plotted, as they are large."""
     out = []
     for case in group:
         rows, logs = run_case(case)
@@ -205,5 +205,5 @@ def _run_group(group):
 
 
 def _slow(plant: str) -> float:
-    """Return about how much longer a plant takes: a narrow line needs small steps."""
+    """Return the approximate relative run time of a plant: a narrow line needs small steps."""
     return 4.0 if kind_of(plant).rig.chamber.line_volume > 0.0 else 1.0

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of one run of the control benchmark, and of a run beside others of the same case."""
+"""Figures of one run of the control benchmark, and comparison of runs of the same case."""
 
 from typing import Any
 
@@ -17,19 +17,18 @@ from fam_bundle_ros.simulation import Log, Trajectory
 
 #: Window around a switch, s.
 BEFORE, AFTER = 0.1, 0.4
-#: A switch back while the reference moved by less than this is chatter, N; strain beside it.
+#: A switch back while the reference moved by less than this (N, strain) is chatter.
 CHATTER = {'force': 1.5, 'strain': 0.004}
 
 
 def metrics(log: Log, plant: Bundle, rig: RigConfig) -> dict[str, Any]:
     """
-    Return `row_of` and what energy it took.
+    Return `row_of` with the energy used.
 
     Returns
     -------
     dict
-        Besides: ``energy`` (J), ``efficiency``, ``liquid_energy`` (J). None where there is
-        nothing to say.
+        In addition: ``energy`` (J), ``efficiency``, ``liquid_energy`` (J). None if not defined.
     """
     row = row_of(log, plant, rig)
     energy = air_energy(row['air_mass'], rig.supply.pressure, rig.ambient_pressure)
@@ -53,16 +52,16 @@ def row_of(log: Log, plant: Any, rig: RigConfig) -> dict[str, Any]:
     dict
         ``kind``, ``tracking_rms``, ``largest_error``, ``transition_rms``, ``dip_depth``,
         ``dip_length`` (s), ``switches``, ``shortest_dwell`` (s), ``chatter``, ``air_mass`` (kg,
-        what filling the first pressures takes included), ``work`` (J), ``time_saturated`` (s).
-        None where there is nothing to say.
+        including the filling to the first pressures), ``work`` (J), ``time_saturated`` (s).
+        None if not defined.
     """
     error, time = log.error, log.time
     dt = float(time[1] - time[0])
     switches = log.switches
     inside = near(time, switches)
     depth, length = _dip(log, switches)
-    # How the start was taken up is no part of the trajectory: its pressures are counted, not
-    # the way to them.
+    # The approach to the start is not part of the trajectory: the air of its pressures is
+    # counted, not the air used on the way.
     air = float(log.air[-1] - log.air[0]) + held_air(
         plant, log.pressure[0], float(log.strain[0]), rig.chamber.tube_volume)
     return {
@@ -83,13 +82,13 @@ def row_of(log: Log, plant: Any, rig: RigConfig) -> dict[str, Any]:
 
 def compared(log: Log, ours: Log, beside: Log) -> dict[str, Any]:
     """
-    Return what a run is beside that of equal pressure on the same trajectory.
+    Return figures of a run relative to equal pressure on the same trajectory.
 
     Returns
     -------
     dict
-        ``rms_ratio``, and ``error_there``: the largest error around *our* switches, None where we
-        have none.
+        ``rms_ratio``, and ``error_there``: the largest error around the switches of *our*
+        controller, None without switches.
     """
     inside = near(ours.time, ours.switches)
     return {'rms_ratio': rms(log.error) / rms(beside.error),
@@ -97,7 +96,7 @@ def compared(log: Log, ours: Log, beside: Log) -> dict[str, Any]:
 
 
 def held_air(plant: Any, pressure: np.ndarray, strain: float, tube_volume: float) -> float:
-    """Return the air that filling vented units to gauge pressures (n,) takes, kg."""
+    """Return the air for filling vented units to gauge pressures (n,), kg."""
     model = plant.model(False)
     gauge = [max(float(p), 0.0) for p in pressure]
     volume = [tube_volume + model.volume(i, strain, gauge, 0.0, model.shape, model.parameters,
@@ -107,7 +106,7 @@ def held_air(plant: Any, pressure: np.ndarray, strain: float, tube_volume: float
 
 def least_air_of(log: Log, model: Bundle) -> float:
     """Return the least air, kg, that any allocation could use for the forces of a run."""
-    # without what is faster than 20 ms: sensor noise drives no allocation
+    # smoothed over 20 ms, as sensor noise must not drive the allocation
     count = max(1, round(0.02 / (log.time[1] - log.time[0]))) | 1
     force, strain = (uniform_filter1d(signal, count, mode='nearest')
                      for signal in (log.force, log.strain))
@@ -126,13 +125,13 @@ def one_unit_is_enough(trajectory: Trajectory, model: Bundle, plant: Any) -> boo
 
 
 def chatters(log: Log) -> bool:
-    """Return whether a switch was taken back while the reference stood (nearly) still."""
+    """Return whether a switch was reversed while the reference was nearly constant."""
     switches = log.switches
     direction = np.sign(np.diff(log.state))[switches - 1]
     for k in range(len(switches) - 1):
         between = log.reference[switches[k]:switches[k + 1] + 1]
         if direction[k] != direction[k + 1] and np.ptp(between) < CHATTER[log.kind]:
-            # it is no chatter where what the bundle works against moved in between
+            # not chatter if the load moved in between
             moved = np.ptp(log.strain[switches[k]:switches[k + 1] + 1])
             return log.kind != 'strain' and bool(moved <= CHATTER['strain'])
     return False

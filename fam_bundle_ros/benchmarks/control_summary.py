@@ -1,25 +1,26 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the control benchmark says in sum: a line for each plant and for each figure to reach."""
+"""Summary of the control benchmark: a line for each plant and for each figure with a target."""
 
 from typing import Any
 
 import numpy as np
 
-#: Trajectories whose reference jumps: there the error of the jump says nothing of the transition.
+#: Trajectories with jumps of the reference, whose error hides that of the transition.
 _JUMPS = ('steps', 'load_step')
 
 
 def summarise(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """
-    Return the figures of our controller beside equal pressure.
+    Return the figures of our controller compared with equal pressure.
 
     Returns
     -------
     dict
-        ``figures``: one dict for each figure to reach: ``figure``, ``median``, ``nine_in_ten``,
-        ``worst``, ``where`` (the worst case), ``must`` (in words), ``reached`` (None where it was
-        not run), ``cases``. ``plants``: one dict for each plant, the worst first, `nominal` last:
+        ``figures``: one dict for each figure with a target: ``figure``, ``median``,
+        ``nine_in_ten`` (90 % quantile), ``worst``, ``where`` (the worst case), ``must`` (the
+        target as text), ``reached`` (None if it was not run), ``cases``. ``plants``: one dict for
+        each plant, the worst first, `nominal` last:
         ``plant``, ``model_error`` (N), ``cases``, and median and worst of ``rms_ratio``,
         ``air_ratio``, ``dip_excess``, ``moved_ratio``, ``switches``, ``chatter``, ...
         ``not_reached``: sentences.
@@ -52,7 +53,7 @@ def air_ratio(case: dict[str, Any]) -> float:
 
 
 def dip_excess(case: dict[str, Any]) -> float | None:
-    """Return our largest error around our switches less equal pressure's there, N."""
+    """Return our largest error around our switches minus that of equal pressure, N."""
     ours, beside = case['reversal_aware'], case['equal_pressure']
     if ours['kind'] != 'force' or ours['error_there'] is None or ours['trajectory'] in _JUMPS:
         return None
@@ -60,7 +61,7 @@ def dip_excess(case: dict[str, Any]) -> float | None:
 
 
 def dip_of_neglect(case: dict[str, Any]) -> float | None:
-    """Return our deepest shortfall at switches over that of the policy `neglect`."""
+    """Return the ratio of our deepest dip at switches to that of the policy `neglect`."""
     ours, neglect = case['reversal_aware'], case.get('neglect')
     if (neglect is None or ours['kind'] != 'force' or not ours['dip_depth']
             or not neglect['dip_depth'] or ours['trajectory'] in _JUMPS):
@@ -76,7 +77,7 @@ def _over_no_feedback(name):
 
 
 def untold_ratio(case: dict[str, Any]) -> float | None:
-    """Return the rms of a strain, ours without being told of the load, over equal pressure's."""
+    """Return our strain rms without knowledge of the load, over that of equal pressure."""
     ours, untold = case['reversal_aware'], case.get('untold_load')
     if untold is None or ours['kind'] != 'strain':
         return None
@@ -87,15 +88,14 @@ def _one(wanted, value):
     return lambda case: value(case) if wanted(case['reversal_aware']) else None
 
 
-#: Figure, its value in a case, largest median, value that nine in ten keep, and worst; None where
-#: nothing is asked.
+#: Figure, its value in a case, and targets of median, 90 % quantile and worst; None for no target.
 FIGURES = (
     ('tracking rms over equal pressure', rms_ratio, 0.8, 1.0, 1.3),
-    ('strain, load not told: rms over equal pressure', untold_ratio, 0.8, 1.0, 1.3),
+    ('strain, load not known: rms over equal pressure', untold_ratio, 0.8, 1.0, 1.3),
     ('air over equal pressure', air_ratio, None, None, 1.05),
     ('air over equal pressure, one unit is enough', _one(lambda r: r['one_unit'], air_ratio),
      None, None, 0.7),
-    ('error at switches less equal pressure there (N)', dip_excess, None, None, 1.0),
+    ('error at switches minus that of equal pressure (N)', dip_excess, None, None, 1.0),
     ('dip at switches over that of neglect', dip_of_neglect, None, None, 1.0 / 3.0),
     ('runs with chatter', lambda case: float(case['reversal_aware']['chatter']), None, None, 0.0),
     ('constant force, strain moved: rms over equal pressure',
@@ -115,7 +115,7 @@ def _figures(cases):
     for name, value, median, nine, worst in FIGURES:
         values = {key: v for key, case in cases.items() if (v := value(case)) is not None}
         must = ', '.join(f'{words} at most {limit:.3g}' for words, limit in (
-            ('median', median), ('nine in ten', nine), ('worst', worst)) if limit is not None)
+            ('median', median), ('90 % quantile', nine), ('worst', worst)) if limit is not None)
         figure: dict[str, Any] = {'figure': name, 'must': must, 'cases': len(values),
                                   'median': None, 'nine_in_ten': None, 'worst': None,
                                   'where': '', 'reached': None}
@@ -135,13 +135,13 @@ def _figures(cases):
 
 
 def _sentence(figure):
-    return (f"{figure['figure']}: median {figure['median']:.3g}, nine in ten "
+    return (f"{figure['figure']}: median {figure['median']:.3g}, 90 % quantile "
             f"{figure['nine_in_ten']:.3g}, worst {figure['worst']:.3g} ({figure['where']}); "
-            f"must: {figure['must']}")
+            f"target: {figure['must']}")
 
 
 def _plants(cases):
-    """Return a line for each plant, by the median of the tracking ratio, nominal last."""
+    """Return a line for each plant, sorted by the median tracking ratio, nominal last."""
     names = list(dict.fromkeys(key[0] for key in cases))
     lines = []
     for name in names:

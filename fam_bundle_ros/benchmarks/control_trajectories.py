@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The trajectories of the control benchmark, scaled to what plant and model can both give.
+The trajectories of the control benchmark, scaled to the range of both plant and model.
 
-Forces are given on a dynamometer at 16 % strain, strains against a mass and a spring or an arm.
-Dwells lie where the controller's model has the overlap of the first two recruitment states.
+Force references run on a dynamometer at 16 % strain, strain references against a mass and a spring
+or an arm. Dwells lie in the overlap of the first two recruitment states of the controller's model.
 """
 
 from bisect import bisect_right
@@ -23,15 +23,15 @@ from fam_bundle_ros.simulation import Trajectory
 TRAJECTORIES = ('ramp_5', 'ramp_20', 'ramp_80', 'sine_0.1', 'sine_0.5', 'sine_1', 'sine_2',
                 'multisine', 'steps', 'moved', 'dwell', 'dwell_edge', 'strain_sine',
                 'strain_steps', 'load_step', 'arm')
-#: Strain of the force trajectories; how far it is moved under a constant force, and how often.
+#: Strain of the force trajectories; amplitude and frequency (Hz) of its motion at constant force.
 STRAIN, MOVED, MOVED_HERTZ = 0.16, 0.035, 0.3
-#: Shares of the largest common force between which forces go.
+#: Range of the force references, as shares of the largest common force.
 _LOW, _HIGH = 0.06, 0.88
-#: Time in which the start of a trajectory is taken up before it counts, s.
+#: Time for reaching the start of a trajectory before the evaluation, s.
 _PREPARE = 1.5
-#: s: longest way up of a ramp; slow ones then go through the overlap only.
+#: Longest rise of a ramp, s; slow ramps are restricted to the overlap.
 _RAMP = 10.0
-#: s: at rest after a ramp: longer than the rest time after which a controller releases a unit.
+#: Rest after a ramp, s: longer than the time after which a controller releases a unit.
 _REST = 1.5
 _GRAVITY = 9.80665
 
@@ -42,7 +42,7 @@ class _Path:
     def __init__(self, times, values, smooth=True):
         times, values = [float(time) for time in times], [float(value) for value in values]
         self._times, self._smooth = times, smooth
-        #: Start, span, first value and change of each piece; before and after all it stands still.
+        #: Start, span, first value and change of each piece; constant before and after all.
         self._pieces = [(times[0], 1.0, values[0], 0.0)]
         self._pieces += [(t, after - t, value, then - value) for t, after, value, then in zip(
             times, times[1:], values, values[1:])]
@@ -80,7 +80,7 @@ class _Sines:
 
 
 class _Stairs:
-    """Values that jump, one for each second; a step has no rate."""
+    """Steps of one second each; the rate is 0."""
 
     def __init__(self, values):
         self._values = values
@@ -95,7 +95,7 @@ class _Stairs:
 
 
 def top_force(strain: float, model: Bundle, plant: Any, units: int | None = None) -> float:
-    """Return the largest force, N, that both can give at a strain with the first ``units`` on."""
+    """Return the largest force of both plant and model at a strain, first ``units`` on, N."""
     pressure = np.where(np.arange(model.n) < (units or model.n), model.max_pressure, 0.0)
     return min(float(model.force(strain, pressure)), rest_force(plant, strain, pressure))
 
@@ -110,9 +110,9 @@ def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = Fa
     name : str
         One of `TRAJECTORIES`.
     model : Bundle
-        The controller's; its overlap places the dwells.
+        The controller's model, whose overlap determines the dwells.
     plant : Bundle or ForeignPlant, optional
-        The model by default.
+        ``model`` by default.
     long : bool
         Dwell for 60 s rather than 6 s.
 
@@ -156,7 +156,7 @@ def _force_trajectory(name, kind, model, plant, long):
         shares = (0.1, 0.5, 0.85, 1.0, 0.7, 0.35, 0.93, 0.2)
         path, duration = _Stairs([share * high for share in shares]), float(len(shares))
     elif kind == 'moved':
-        # What can be given wherever the strain is.
+        # A force that is possible at every strain of the motion.
         level = 0.5 * min(top_force(STRAIN - 0.03 + way, model, plant)
                           for way in (-MOVED, MOVED))
         path, duration = _Sines(level), 8.0
@@ -174,7 +174,7 @@ def _force_trajectory(name, kind, model, plant, long):
 
 
 def _strain_trajectory(name, model, plant):
-    """Return a strain over time against a load that plant and model can both move."""
+    """Return a strain over time with a load that both plant and model can move."""
     length = model.length
 
     def trajectory(path, duration, load, events=()):
@@ -192,7 +192,7 @@ def _strain_trajectory(name, model, plant):
     if name == 'arm':
         path = _Path([0.0, 1.2, 1.6, 2.8, 3.2, 4.4, 5.2, 6.2, 7.2],
                      [0.01, 0.10, 0.10, 0.145, 0.145, 0.05, 0.05, 0.11, 0.01])
-        # The arm of a bundle of any size: the same motion, in proportion to what it can lift.
+        # The same motion for a bundle of any size, with an arm in proportion to its force.
         size = top_force(0.14, model, plant) / 57.0
         return trajectory(path, 8.0, Arm(mass=1.5 * size, moment_of_inertia=0.06 * size,
                                          damping=0.05 * size))
@@ -203,6 +203,6 @@ def _strain_trajectory(name, model, plant):
 
 
 def mass_spring(force, strain, length):
-    """Return a load that needs a force at a strain, not quite half of it for the weight."""
+    """Return a load that needs a force (N) at a strain: 45 % weight, 55 % spring."""
     return MassSpring(mass=0.45 * force / _GRAVITY,
                       stiffness_against=0.55 * force / (strain * length), damping=40.0)

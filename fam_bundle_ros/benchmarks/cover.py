@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Few cases that hold every pair of values of several factors (pairwise testing)."""
+"""Pairwise testing: few cases that cover every pair of values of several factors."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -10,10 +10,10 @@ from typing import Any
 
 def pairwise(factors: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     """
-    Return cases, one value of each factor in each, that hold every pair of values.
+    Return cases, with one value of each factor, that cover every pair of values.
 
-    Greedy: of some tries the one that holds most pairs that are not there yet. The two longest
-    factors give the least number of cases.
+    Greedy: of several random candidates, the one with most pairs not covered yet. The two longest
+    factors determine the smallest number of cases.
 
     Examples
     --------
@@ -46,5 +46,5 @@ def pairwise(factors: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
 
 
 def _pairs(case: Sequence[Any]) -> set[tuple[tuple[int, Any], ...]]:
-    """Return the pairs of (factor, value) that a case holds; None is no value."""
+    """Return the pairs of (factor, value) that a case covers; None is no value."""
     return set(combinations([(i, value) for i, value in enumerate(case) if value is not None], 2))

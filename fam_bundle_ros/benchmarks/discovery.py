@@ -4,7 +4,7 @@
 The discovery benchmark: how often the hidden effect is found, and how often a wrong one is named.
 
 Every case comes from `discovery_cases`, which shares no code with the catalogue. Each figure is
-printed beside its target; where one is missed the confusion table says by which effect.
+printed with its target; the confusion table shows which effects were named instead.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from fam_bundle_ros.jsonfile import plain
 
 SETS = ('single', 'other', 'clean', 'parameters', 'outside', 'pairs', 'small')
 _KINDS = ('static', 'dynamic', 'bundle')
-#: Least rms of a hidden effect that counts, after a refit of the model without it (in standard
-#: deviations of the noise).
+#: Smallest rms of a hidden effect in the evaluation, after a refit of the model without it (in
+#: standard deviations of the noise).
 _VISIBLE = 0.2
 
 
 @dataclass(frozen=True)
 class Task:
-    """One case to make and diagnose."""
+    """One case to generate and diagnose."""
 
     group: str
     kind: str
@@ -52,7 +52,7 @@ class Task:
 
 
 def tasks(cases: int, sets: Iterable[str] = SETS) -> list[Task]:
-    """Return the benchmark's cases: so many of each kind in each set."""
+    """Return the benchmark's tasks: ``cases`` of each kind of data in each set."""
     found: list[Task] = []
     for group in sets:
         for kind in _KINDS:
@@ -78,7 +78,7 @@ def tasks(cases: int, sets: Iterable[str] = SETS) -> list[Task]:
 
 
 def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
-    """Make a case, diagnose it, and return what was right and wrong as plain numbers."""
+    """Generate a case, diagnose it, and return the evaluation as plain numbers."""
     case = make.make_case(task.kind, task.seed, task.hidden, task.form, task.noise, task.off,
                           task.outsider, task.size)
     begun = time.process_time()
@@ -118,7 +118,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
 
 
 def left_to_see(case: make.Case) -> float:
-    """Return what the refitted model without the hidden effect misses, rms in noise sd."""
+    """Return the rms error of the refitted model without the hidden effect, in noise sd."""
     cells = reduce(case.model, case.data)
     fitter = Fitter(cells, Covariance(cells, Choices().unexplained))
     options = Options(case.model, cells, Choices(), {e.name: e for e in case.model.effects})
@@ -147,7 +147,7 @@ def _parameters(case: make.Case, result: Any) -> dict[str, Any]:
 # --- the table ---------------------------------------------------------------------------------
 
 def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return how often answers are right, each figure beside its target."""
+    """Return the rates of correct answers, each with its target."""
     figures: list[dict[str, Any]] = []
 
     def add(measure: str, chosen: list[dict[str, Any]], value: Callable[[dict[str, Any]], Any],
@@ -165,7 +165,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for kind in _KINDS:
         seen = [r for r in rows if r['group'] == 'single' and r['kind'] == kind
                 and r['visible'] >= _VISIBLE]
-        add(f'true effect or a tie that holds it first, {kind}', seen, lambda r: r['found'], 0.95)
+        add(f'true effect or a tie with it first, {kind}', seen, lambda r: r['found'], 0.95)
         add(f'in the top three, {kind}', seen, lambda r: r['found'] or r['top_three'], 0.98)
         add(f'wrong and confident, {kind}', seen, lambda r: r['confident_wrong'], 0.02, False)
         other = [r for r in rows if r['group'] == 'other' and r['kind'] == kind
@@ -199,7 +199,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def calibration(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
-    """Return claimed probability of the first candidate against how often it was right."""
+    """Return the stated probability of the first candidate and how often it was correct."""
     chosen = [r for r in rows if r['group'] in ('single', 'other') and r['named']
               and r['visible'] >= _VISIBLE]
     edges = (0.0, 0.5, 0.75, 0.9, 0.98, 1.01)
@@ -216,7 +216,7 @@ def calibration(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
 
 
 def confusion(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
-    """Return what was answered for each hidden effect, in the cases that went wrong."""
+    """Return the wrong answers for each hidden effect, with their number."""
     wrong: dict[str, Counter] = {}
     for row in rows:
         bad = not row['found'] if row['hidden'] else (

@@ -3,8 +3,8 @@
 """
 Sparse regression on the cases of the discovery benchmark: LASSO and pysindy's STLSQ.
 
-Both get the same dictionary as `diagnose`: what each effect of the catalogue would add at its
-usual size, together with what the model's own parameters can do.
+Both get the same dictionary as `diagnose`: the force of each effect of the catalogue at its usual
+size, and the sensitivities to the model's own parameters.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ def dictionary(case: make.Case) -> _Dictionary:
 
 
 def lasso(names: list[str], table: np.ndarray, target: np.ndarray) -> dict[str, float]:
-    """Return the terms that a cross-validated LASSO keeps, with their size."""
+    """Return the terms that a cross-validated LASSO selects, with their coefficients."""
     from sklearn.linear_model import LassoCV
     fitted = LassoCV(cv=5, alphas=30, max_iter=3000).fit(table, target)
     return {n: float(c) for n, c in zip(names, fitted.coef_) if abs(c) > 1e-3}
 
 
 def stlsq(names: list[str], table: np.ndarray, target: np.ndarray) -> dict[str, float]:
-    """Return the terms that pysindy's STLSQ keeps, with their size."""
+    """Return the terms that pysindy's STLSQ selects, with their coefficients."""
     import pysindy
     fitted = pysindy.STLSQ(threshold=0.2, alpha=1e-3).fit(table, target[:, None])
     return {n: float(c) for n, c in zip(names, np.ravel(fitted.coef_)) if c != 0}
@@ -78,7 +78,7 @@ def methods() -> list[str]:
     Raises
     ------
     InputError
-        Where there is none.
+        When none is installed.
     """
     found = [name for name, (_, package) in _METHODS.items() if importlib.util.find_spec(package)]
     if not found:
@@ -88,7 +88,7 @@ def methods() -> list[str]:
 
 def against(cases: int) -> dict[str, dict[str, Any]]:
     """
-    Return, by method, how often the true effect comes first and how many terms it keeps.
+    Return, by method, how often the true effect is first, and the number of selected terms.
 
     Parameters
     ----------

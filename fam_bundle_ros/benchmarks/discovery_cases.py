@@ -3,8 +3,8 @@
 """
 Synthetic measurements with a known hidden effect: the generator of the discovery benchmark.
 
-What the rig did, its noise, and the case; the physics is in `discovery_truth`, which shares no
-code with the catalogue. Seeds fix every case.
+Motions of the rig, noise, and cases; the physics is in `discovery_truth`, which shares no code
+with the catalogue. Cases are determined by their seeds.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Case:
     size: float = 0.0
 
 
-# --- what the rig did --------------------------------------------------------------------------
+# --- motions of the rig ------------------------------------------------------------------------
 
 def static_record(rng: np.random.Generator, shuffled: bool = False) -> Record:
     """Return seven isobars, two cycles each, up and down: 1260 rows."""
@@ -116,7 +116,7 @@ def _lag(values: np.ndarray, samples: float) -> np.ndarray:
 # --- noise and the case ------------------------------------------------------------------------
 
 def noise_of(kind: str, sd: float, record: Record, rng: np.random.Generator) -> np.ndarray:
-    """Return noise: 'white', 'ar' (0.8 from one to the next) or 'outliers' (3 %, 5 to 15 sd)."""
+    """Return noise: 'white', 'ar' (AR(1) of 0.8) or 'outliers' (3 %, 5 to 15 sd)."""
     white = sd * rng.standard_normal(len(record.time))
     if kind == 'ar':
         return lfilter([0.6], [1.0, -0.8], white)
@@ -127,7 +127,7 @@ def noise_of(kind: str, sd: float, record: Record, rng: np.random.Generator) -> 
 
 
 def nominal(units: int, bladder: bool = True) -> Bundle:
-    """Return the model that the user starts from."""
+    """Return the initial model of the user."""
     geometry = Geometry(RADIUS, LENGTH, ANGLE, WALL)
     effects = [catalogue.get('mesh')()]
     if bladder:
@@ -136,7 +136,7 @@ def nominal(units: int, bladder: bool = True) -> Bundle:
                   effects)
 
 
-#: What may be hidden in each kind of data.
+#: Effects that may be hidden in each kind of data.
 HIDEABLE = {
     'static': ('bladder_elasticity', 'resistive_buckling', 'tendon_slack', 'coulomb_friction',
                'presliding_hysteresis', 'end_caps', 'braid_elasticity', 'threshold_pressure',
@@ -150,7 +150,7 @@ HIDEABLE = {
                'end_caps', 'braid_elasticity', 'threshold_pressure', 'motor_unit_mismatch',
                'force_sensor_bias', 'strain_sensor_offset', 'presliding_hysteresis'),
 }
-#: Names that are the same physics, whatever the data.
+#: Effects that count as the same physics in all data.
 SAME_PHYSICS = {'coulomb_friction': ('presliding_hysteresis',),
                 'presliding_hysteresis': ('coulomb_friction',)}
 PAIRS = {
@@ -177,7 +177,7 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
     hidden : tuple of str
         Names of hidden effects.
     form : str
-        'same' as the catalogue's or 'other'.
+        Functional form: 'same' as the catalogue's or 'other'.
     noise : str
         'white', 'ar' or 'outliers'.
     off : float

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Discovery on measured muscles: diagnosed on a part of the rows, scored on the others.
+Discovery on measured muscles: diagnosis on a part of the rows, score on the others.
 
-Every ``NAME.csv`` of a folder that has a ``NAME.model.yaml`` beside it is taken. Kept away are
-inner strain levels one by one, and draws of inner isobars or of trials; the six-parameter
-empirical form is refitted on the same rows and scored on the same rows.
+Every ``NAME.csv`` of a folder with a ``NAME.model.yaml`` is used. Held out are inner strain levels
+one by one, and random draws of inner isobars or of trials; the six-parameter empirical form is
+fitted to and scored on the same rows.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
 
-#: Seeded draws, and how many isobars or trials each keeps away (fewer where there are few).
+#: Number of seeded draws, and of isobars or trials that each holds out (fewer if there are few).
 DRAWS, AWAY = 10, 5
 
 
 @dataclass(frozen=True)
 class Split:
-    """A measurement with rows kept away: (T,) bool, and which in words."""
+    """A measurement with held-out rows ``test``, (T,) bool, and their description ``away``."""
 
     data: Path
     model: Path
@@ -52,22 +52,22 @@ def measured(folder: Path) -> list[tuple[Path, Path]]:
     Raises
     ------
     InputError
-        Where there is none.
+        When there is none.
     """
     found = [(data, data.with_name(f'{data.stem}.model.yaml'))
              for data in sorted(folder.glob('*.csv'))]
     found = [(data, model) for data, model in found if model.exists()]
     if not found:
-        raise InputError(f'{folder}: no measurement NAME.csv with a model NAME.model.yaml beside '
-                         'it')
+        raise InputError(f'{folder}: no measurement NAME.csv with a model NAME.model.yaml')
     return found
 
 
 def splits(data: Measurement, draws: int = DRAWS) -> Iterator[tuple[str, np.ndarray]]:
     """
-    Yield what is kept away, in words, and those rows, (T,) bool.
+    Yield the description of the held-out rows, and the rows, (T,) bool.
 
-    Of a map inner strain levels one by one and draws of inner isobars, of a log draws of trials.
+    Of a static map: inner strain levels one by one and draws of inner isobars. Of a log: draws of
+    trials.
 
     Parameters
     ----------
@@ -92,14 +92,14 @@ def splits(data: Measurement, draws: int = DRAWS) -> Iterator[tuple[str, np.ndar
 
 def score(split: Split, choices: Choices | None = None) -> dict[str, Any]:
     """
-    Diagnose what was not kept away and return errors on what was.
+    Diagnose without the held-out rows and return the errors on them.
 
     Returns
     -------
     dict
-        ``data``, ``away``, ``verdict``, ``effects``, ``ties`` (trades too), ``families`` of all of
-        these, ``held_out_N`` of the model that `diagnose` recommends, ``physics_N`` of its effects
-        alone, ``empirical_N``, and the ``ratio`` of the first to the last.
+        ``data``, ``away``, ``verdict``, ``effects``, ``ties`` (trades too), ``families`` of all
+        these effects, ``held_out_N`` of the recommended model, ``physics_N`` of its effects alone,
+        ``empirical_N``, and ``ratio`` of ``held_out_N`` to ``empirical_N``.
     """
     data, model = read_measurement(split.data), load_model(split.model)
     train, test = data.select(~split.test), data.select(split.test)
@@ -129,9 +129,9 @@ def benchmark(folder: Path, processes: int | None = None, draws: int = DRAWS,
         All cores by default.
     draws : int
     progress : callable, optional
-        Called with how many splits are done, and of how many.
+        Called with the number of splits done and the number of splits.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers score them.
+        Address of a Dask scheduler whose workers score the splits.
 
     Returns
     -------
@@ -152,9 +152,9 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``splits``, ``named``; ``worst`` and ``median`` of the error on rows kept away over the
+        ``splits``, ``named``; ``worst`` and ``median`` ratio of the error on held-out rows to the
         empirical form's, ``worst_physics`` and ``median_physics`` of effects alone; ``always``,
-        by measurement: families that are named, or tied with what is, on every split.
+        by measurement: families that are named, or tied with a named one, on every split.
     """
     ratio = np.array([row['ratio'] for row in rows])
     physics = np.array([row['physics_N'] / row['empirical_N'] for row in rows])
@@ -169,7 +169,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _written(recommended: Any) -> Bundle:
-    """Return the recommended model as its file holds it."""
+    """Return the recommended model as read from its file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'recommended.yaml'
         recommended.save(path)

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The true muscle of the discovery benchmark and the effects to hide, without the catalogue's code.
+The true muscle of the discovery benchmark and its hidden effects, without the catalogue's code.
 
 For half of the cases the hidden effect has another functional form than the catalogue's (Fung
 instead of Mooney-Rivlin, Dahl instead of Maxwell slip, a soft floor instead of a hard one, ...).
@@ -20,7 +20,7 @@ C10, C01 = 118.4e3, 105.7e3
 
 @dataclass
 class Rig:
-    """The true muscle: nominal numbers and how far they are off."""
+    """The true muscle: parameters, nominal by default."""
 
     radius: float = RADIUS
     angle: float = ANGLE
@@ -35,7 +35,7 @@ class Rig:
             3.0 * long / np.tan(self.angle) ** 2 - stretch / np.sin(self.angle) ** 2)
 
     def rubber(self, e: np.ndarray, stretch: np.ndarray | float = 1.0) -> np.ndarray:
-        """Return the force of the tube, N; threads that stretch let it widen."""
+        """Return the force of the tube, N; stretched threads make it wider."""
         if self.bladder is not None:
             return self.bladder(e)
         long, k = 1.0 - e, 1.0 / np.tan(self.angle) ** 2
@@ -62,7 +62,7 @@ class Record:
         return np.flatnonzero(np.diff(self.trial, prepend=self.trial[0] - 1))
 
 
-# --- forces by hand ----------------------------------------------------------------------------
+# --- forces ------------------------------------------------------------------------------------
 
 @dataclass
 class Hidden:
@@ -131,7 +131,7 @@ def per_trial(record: Record, step: Callable) -> np.ndarray:
 
 
 def low_pass(record: Record, signal: np.ndarray, tau: float) -> np.ndarray:
-    """Return a first-order lag, begun at rest with each trial."""
+    """Return a signal with a first-order lag, at rest at the start of each trial."""
     def step(state, i, dt):
         if state is None:
             return signal[i]

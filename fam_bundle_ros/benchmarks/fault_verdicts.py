@@ -13,17 +13,17 @@ from fam_bundle_ros.benchmarks.faults import Case, ONSET, RATE, RESUME_WITHIN, S
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import ChamberConfig, linearise, MassSpring, RigConfig
 
-#: Pa gauge, where a relief valve as the simulator ships it opens.
+#: Default opening pressure of the simulator's relief valves, Pa (gauge).
 RELIEF = ChamberConfig().relief_pressure
-#: Trip of the controllers over a unit's largest pressure.
+#: Trip pressure of the controllers, relative to a unit's largest pressure.
 TRIP_FACTOR = 1.15
-#: A valve below this is open to exhaust, above it open to the supply.
+#: A valve command below minus this exhausts, above this it fills.
 _OPEN = 0.05
-#: s that a unit must have been vented before its filling counts as coming back.
+#: Time for which a unit must have been vented before filling counts as coming back, s.
 _SETTLED = 0.3
-#: s that a latch may take to exhaust all valves or to cut the supply.
+#: Longest time from a latch until all valves exhaust or the supply is cut, s.
 AT_ONCE = 0.05
-#: States of nodes that only `enable` ends; in which they have noticed something.
+#: States of nodes that only `enable` ends, and states in which a node has detected a fault.
 _LATCHED = frozenset({'OVER_PRESSURE', 'NO_RESPONSE', 'LOST', 'LATCHED'})
 _NOTICED = _LATCHED | {'SENSOR', 'HOLD', 'NO_SETPOINT', 'NO_SUPPLY', 'E_STOP', 'VENT'}
 
@@ -36,12 +36,12 @@ class Limits:
     Attributes
     ----------
     trip : ndarray (n,), Pa
-        Of the controllers.
+        Trip pressure of the controllers.
     pressure : ndarray (n,), Pa
-        The trip and what flows in during two control periods at full opening; never above the
-        relief pressure.
+        The trip plus the inflow of two control periods at full opening; not above the relief
+        pressure.
     force : float, N
-        Of the bundle with all units there.
+        Force of the bundle with all units at ``pressure``.
     strain : (float, float)
         End stops of the load; it must not reach the upper one.
     """
@@ -71,8 +71,8 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     case : Case
     record : mapping
         ``time`` (T,), ``pressure`` and ``command`` (T, n), ``force``, ``strain``, ``reference``
-        and ``cut`` (T,), ``states`` list of T tuples, ``kind``, ``enable`` (what the service
-        answered, empty where nobody called it); true values.
+        and ``cut`` (T,), ``states`` list of T tuples, ``kind``, ``enable`` (answer of the
+        service, empty if it was not called); true values.
     limits : Limits
 
     Returns
@@ -138,12 +138,12 @@ def _too_high(record: Mapping[str, Any], pressed: float, limits: Limits) -> bool
 
 
 def _is(state: str, kinds: frozenset[str]) -> bool:
-    """Whether a state (with its cause behind it, where there is one) is of some kinds."""
+    """Whether a state (followed by its cause, if any) is one of ``kinds``."""
     return state.partition(' ')[0] in kinds
 
 
 def _safe_at(time: np.ndarray, venting: np.ndarray, since: np.ndarray) -> float:
-    """Return when all valves exhaust or the supply is cut, s, at or after the first True."""
+    """Return the time (s) of the safe state (all exhaust or supply cut) from the first True."""
     first = int(np.argmax(since))
     after = np.flatnonzero(venting[first:])
     return float(time[first + after[0]]) if len(after) else math.inf
@@ -151,7 +151,7 @@ def _safe_at(time: np.ndarray, venting: np.ndarray, since: np.ndarray) -> float:
 
 def _came_back(time: np.ndarray, command: np.ndarray, venting: np.ndarray, cut: np.ndarray,
                latched: np.ndarray) -> bool:
-    """Whether air came in again, after a latch or a loss of `RESUME_WITHIN`, without `enable`."""
+    """Whether a unit filled without `enable` after a latch or a loss of `RESUME_WITHIN`."""
     units = range(command.shape[1])
     since: list[float | None] = [None for _ in units]
     all_since, ended = None, False
@@ -175,7 +175,7 @@ VERDICTS = ('unsafe', 'false alarm', 'harmless', 'safe', 'quiet')
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return one line for each fault, the worst first: the worst of its runs in every figure."""
+    """Return one line for each fault with the worst figures of its runs, the worst fault first."""
     lines = []
     by_fault: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:

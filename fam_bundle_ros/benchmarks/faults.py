@@ -3,10 +3,10 @@
 """
 Cases of the safety benchmark: faults, phases of a trajectory, policies.
 
-A case is (fault, phase, policy). The fault strikes at `ONSET` and is repaired at `REPAIR`, later
-than `resume_within`, so that nothing may come back by itself. The rig has 6 bar and neither a trip
-nor a relief valve of its own: what is shown is what the controllers do. What a run may be is
-worked out from the model and the valve, not chosen.
+A case is (fault, phase, policy). The fault occurs at `ONSET` and is repaired at `REPAIR`, later
+than `resume_within`, so that no pressure may return without `enable`. The rig has 6 bar and
+neither a trip nor a relief valve of its own, so that only the controllers act. The limits of a run
+are computed from the model and the valve.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,24 +28,24 @@ from fam_bundle_ros.plant import (
 )
 from fam_bundle_ros.simulation import Trajectory
 
-#: s, of the trajectory: when the fault strikes, when it is repaired, and the end.
+#: Times of the trajectory at which the fault occurs, is repaired, and the run ends, s.
 ONSET, REPAIR, END = 0.8, 3.3, 4.5
 PREPARE = 0.8
-#: Pa gauge: the supply; a limit above it, for "no trip" and "no relief valve".
+#: Supply pressure, and a limit above it for "no trip" and "no relief valve", Pa (gauge).
 SUPPLY, NEVER = 600e3, 1.4e6
-#: Hz of the runs.
+#: Sample rate of the runs, Hz.
 RATE = 200.0
-#: s: default of `resume_within`; from shorter losses the controllers may return by themselves.
+#: Default of `resume_within`, s; after a shorter loss, pressure may return without `enable`.
 RESUME_WITHIN = 2.0
 
 POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
-#: The last one: somebody calls `enable` while the fault is still there, at `PRESSED`.
+#: Phases of the trajectory; in the last one, `enable` is called during the fault, at `PRESSED`.
 PHASES = ('hold', 'ramp', 'sine', 'transition', 'enabled')
 PRESSED = ONSET + 1.5
-#: Besides: sines up to 2 Hz on transitions, for as long as it is asked for.
+#: Additional phase without faults: sines up to 2 Hz on transitions.
 WORK = 'work'
 
-#: What strikes; the valves and the pressure of mu1 carry the load in every phase.
+#: The faults; mu1 carries the load in every phase.
 FAULTS: dict[str, Faults] = {
     'mu1 pressure nan': Faults(dropout={'mu1/pressure'}),
     'mu1 pressure silent': Faults(silent={'mu1/pressure'}),
@@ -94,7 +94,7 @@ MESSAGES: dict[str, Faults] = {
         ('force', 'strain', 'supply', 'mu1/pressure', 'mu2/pressure'), 0.3)),
     'half of the mu1 pressures lost': Faults(lost={'mu1/pressure': 0.5}),
 }
-#: No faults: a controller that reacts to these raises a false alarm.
+#: Conditions without a fault, in which a reaction is a false alarm.
 SOUND: dict[str, Faults] = {
     'nothing': Faults(),
     'twice the noise': Faults(noise_factor=2.0),
@@ -126,29 +126,29 @@ class Case:
 
     @property
     def enable_at(self) -> float | None:
-        """When somebody calls `enable`, s of the trajectory."""
+        """Time of the trajectory at which `enable` is called, s; None for never."""
         return PRESSED if self.phase == 'enabled' and not self.sound else None
 
     @property
     def sound(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether the case has no fault."""
         return self.fault in SOUND
 
     @property
     def faults(self) -> Faults:
-        """What is broken between `ONSET` and `REPAIR`."""
+        """Faults between `ONSET` and `REPAIR`."""
         return EVERY[self.fault]
 
 
 def cases_of(faults: Sequence[str], phases: Sequence[str], policies: Sequence[str],
              seed: int = 1) -> list[Case]:
-    """Return every combination; faults of messages take seconds each, so with one policy."""
+    """Return every combination; slow faults of messages are run with one policy only."""
     return [Case(fault, phase, policy, seed) for fault in faults for phase in phases
             for policy in (policies if fault not in MESSAGES else policies[-1:])]
 
 
 def work_cases(minutes: float, policy: str, seed: int = 1) -> list[Case]:
-    """Return so many minutes of work in which nothing is wrong: any notice is a false alarm."""
+    """Return ``minutes`` of operation without faults, to count false alarms."""
     share = 60.0 * minutes / len(SOUND)
     return [Case(fault, WORK, policy, seed, share) for fault in SOUND] if share > 0.0 else []
 
@@ -162,7 +162,7 @@ def rig_of(case: Case) -> RigConfig:
 
 
 def told(case: Case) -> dict[str, Any]:
-    """Return the parameters of the nodes besides those that describe the rig."""
+    """Return the parameters of the nodes in addition to those of the rig."""
     values: dict[str, Any] = {'policy': case.policy}
     if case.fault in _CONDUCTANCE:
         values['valve.conductance'] = RigConfig().valve.conductance
@@ -170,7 +170,7 @@ def told(case: Case) -> dict[str, Any]:
 
 
 def trajectory_of(case: Case, model: Bundle) -> Trajectory:
-    """Return what is asked for in the phase, with the fault in it."""
+    """Return the trajectory of the phase, with the fault."""
     strain = 0.1
     one = float(model.force(strain, _first_unit(model)))
     every = float(model.force(strain, model.max_pressure))
@@ -178,7 +178,7 @@ def trajectory_of(case: Case, model: Bundle) -> Trajectory:
               else ((-PREPARE, case.faults),))
     load = Dynamometer(strain)
     if case.phase == 'hold':
-        # A strain to hold a mass: what falls or jumps shows in the strain.
+        # A constant strain with a mass, so that a fall or jump shows in the strain.
         mass = 0.5 * float(model.force(0.08, _first_unit(model))) / 9.80665
         return Trajectory('hold', 'strain', END, lambda t: 0.08, lambda t: 0.0,
                           MassSpring(mass=mass, damping=40.0), prepare=PREPARE, faults=broken)
@@ -188,13 +188,13 @@ def trajectory_of(case: Case, model: Bundle) -> Trajectory:
 
 
 def _force(phase: str, one: float, every: float) -> tuple[Callable, Callable]:
-    """Return force and rate over time; ``one`` and ``every`` (N) are what the units can do."""
+    """Return force and rate over time; ``one``, ``every``: forces of the first, all units, N."""
     if phase == 'ramp':
         slope = 0.6 * one / END
         return (lambda t: 0.15 * one + slope * t), (lambda t: slope)
     if phase == 'sine':
         turn = 2.0 * math.pi * 0.5
-        # The fault strikes where the force rises fastest.
+        # The fault occurs where the force rises fastest.
         return ((lambda t: one * (0.45 + 0.25 * math.sin(turn * (t - ONSET)))),
                 (lambda t: one * 0.25 * turn * math.cos(turn * (t - ONSET))))
     if phase == 'enabled':
@@ -203,7 +203,7 @@ def _force(phase: str, one: float, every: float) -> tuple[Callable, Callable]:
         return (lambda t: held), (lambda t: 0.0)
     if phase not in ('transition', WORK):
         raise InputError(f"phase is '{phase}'; expected {', '.join(PHASES)}")
-    # Up and down through the overlap, a crossing just after the fault strikes.
+    # Up and down through the overlap, with a crossing just after the fault.
     low, high = 0.7 * one, one + 0.5 * (every - one)
     half = 1.2 if phase == 'transition' else 5.0
     wave = 0.0 if phase == 'transition' else 0.15 * one

@@ -8,12 +8,12 @@ K between it and the muscle's strain e:
 
     F = K (q - e) = f(q, p) - Fc z,   dz/dq = (1 - z sign(dq))/slide    (Dahl 1968)
 
-At constant strain a rising pressure stretches the ends, so the braid moves and rubs: the friction
-acts there too. With a short ``slide`` it is Coulomb's, and the force does not answer a pressure
-that turns round before it has gone back by about 2 Fc/(df/dp): play in pressure. Spring and
-friction create no energy, whatever strain and pressure do. Where the muscle pushes back a second
-table holds from a strain on at which it folds, and until it has gone back by more than that
-(snap-through). Own forms, made up for this benchmark.
+At constant strain a rising pressure stretches the ends, so that the braid moves: friction acts
+there too. With a short ``slide`` it is Coulomb friction, and after a reversal of the pressure the
+force only responds once the pressure has changed by about 2 Fc/(df/dp): backlash in pressure.
+Spring and friction create no energy, for any strain and pressure. In the range of push-back a
+second table applies above the strain at which the muscle folds, with hysteresis (snap-through).
+These forms were invented for this benchmark.
 """
 
 from dataclasses import dataclass
@@ -26,36 +26,36 @@ from fam_bundle_ros.plant import ForeignPlant
 
 #: Grid of the tables: first strain and pressure (Pa), steps, counts.
 STRAINS, PRESSURES = (-0.06, 0.005, 85), (0.0, 5e3, 95)
-#: Radius of the muscle that forces and volumes below are of, m; rest length, m.
+#: Radius and rest length of the muscle to which forces and volumes below apply, m.
 _RADIUS, _LENGTH = 6.35e-3, 0.127
-#: N per strain, of the ends of one such muscle.
+#: Stiffness of the ends of one such muscle, N per strain.
 _ENDS = 20e3
-#: Strain at which an empty muscle folds, how that grows with pressure (1/Pa), half of the width of
-#: its hysteresis; s, how long folding takes; share of the push-back that is left.
+#: Folding: strain at zero pressure, its slope over pressure (1/Pa), half width of the hysteresis,
+#: time constant (s), remaining share of the push-back.
 _FOLD, _FOLD_SLOPE, _FOLD_WIDTH, _FOLD_TIME, _FOLDED = 0.045, 2.3e-6, 0.006, 4e-3, 0.45
 #: Places in ``shape``, of each motor unit.
 SCALE, FRICTION, SLIDE, ENDS, SNAP = range(5)
-#: Places in memory: strain of the braid, Dahl's z, how far folded, whether it is to be folded.
+#: Places in memory: strain of the braid, Dahl's z, degree of folding (0..1), its target (0 or 1).
 BRAID, RUB, FOLDED, FOLD = range(4)
-#: N: how exactly the balance of the braid is met.
+#: Tolerance of the force balance of the braid, N.
 _BALANCE = 1e-8
 
 
 @dataclass(frozen=True)
 class Wrong:
     """
-    What is wrong with the muscles of a plant.
+    Differences between a plant's muscles and the model.
 
     Parameters
     ----------
     own_surface : bool
-        An own surface; else that of the model, read from a table.
+        Use a tension surface of this module; else that of the model, read from a table.
     snap : bool
-        The push-back snaps to less where a muscle folds.
+        Whether the push-back drops when a muscle folds.
     scale : float
-        Motor units weaker and stronger by this share, in turn.
+        Relative strength error of the motor units, alternating in sign.
     friction : float, N
-        Fc of a muscle of 6.35 mm; 0 for none (and stiff ends).
+        Fc of a muscle of 6.35 mm radius; 0 for none (and stiff ends).
     slide : float
         Strain over which the friction builds up.
     """
@@ -68,7 +68,7 @@ class Wrong:
 
 
 def muscle_plant(model: Bundle, wrong: Wrong) -> ForeignPlant:
-    """Return a plant with the sizes of a model and what is wrong with its muscles."""
+    """Return a plant with the sizes of a model and the differences ``wrong``."""
     n = model.n
     strain = STRAINS[0] + STRAINS[1] * np.arange(STRAINS[2])
     pressure = PRESSURES[0] + PRESSURES[1] * np.arange(PRESSURES[2])
@@ -108,7 +108,7 @@ def own_volume(strain: np.ndarray) -> np.ndarray:
 # --- kernels -----------------------------------------------------------------------------------
 
 def muscle_force(unit, strain, pressure, dt, start, shape, tables, memory, after):
-    """Return the tension of a motor unit, N; note where its braid is."""
+    """Return the tension of a motor unit, N; update the memory of its braid."""
     p = pressure[unit]
     begun = strain if start else memory[BRAID]
     fold(shape, memory, after, begun if shape[FRICTION] > 0.0 else strain, p, dt, start)
@@ -120,7 +120,7 @@ def muscle_force(unit, strain, pressure, dt, start, shape, tables, memory, after
     gap_low = gap_high = balance(unit, begun, begun, rubbed, strain, p, friction, shape, tables,
                                  after)
     step = gap_low / shape[ENDS]
-    # The balance falls with the braid's strain: step until it has changed sign, then Illinois.
+    # The balance decreases with the braid's strain: bracket the root, then Illinois method.
     for _ in range(60):
         if gap_low * gap_high < 0.0 or abs(gap_high) < _BALANCE:
             break
@@ -143,7 +143,7 @@ def muscle_force(unit, strain, pressure, dt, start, shape, tables, memory, after
 
 
 def balance(unit, braid, begun, rubbed, strain, pressure, friction, shape, tables, after):
-    """Return what pulls at the braid, N: tension less friction less the force of the ends."""
+    """Return the force balance of the braid, N: tension minus friction minus force of the ends."""
     return (tension(unit, braid, pressure, shape, tables, after)
             - friction * dahl(rubbed, braid - begun, shape[SLIDE])
             - shape[ENDS] * (braid - strain))
@@ -157,7 +157,7 @@ def dahl(rubbed, way, slide):
 
 
 def fold(shape, memory, after, braid, pressure, dt, start):
-    """Note whether the muscle folds here, and how far it has by now."""
+    """Update whether the muscle folds, and its degree of folding."""
     limit = _FOLD + _FOLD_SLOPE * pressure
     wanted = 1.0 if braid > limit else 0.0
     if not start and abs(braid - limit) < _FOLD_WIDTH:
@@ -170,7 +170,7 @@ def fold(shape, memory, after, braid, pressure, dt, start):
 
 
 def tension(unit, braid, pressure, shape, tables, after):
-    """Return the tension of the braid by the tables of the straight and the folded muscle, N."""
+    """Return the tension of the braid from the tables of the straight and folded muscle, N."""
     units, columns = int(tables[0]), PRESSURES[2]
     i, x = place(braid, STRAINS[0], STRAINS[1], STRAINS[2])
     j, y = place(pressure, PRESSURES[0], PRESSURES[1], columns)
@@ -184,14 +184,14 @@ def tension(unit, braid, pressure, shape, tables, after):
 
 
 def bilinear(tables, at, columns, x, y):
-    """Return a value between four points of a table."""
+    """Return the bilinear interpolation in a table."""
     low = tables[at] + y * (tables[at + 1] - tables[at])
     at += columns
     return low + x * (tables[at] + y * (tables[at + 1] - tables[at]) - low)
 
 
 def place(value, first, step, count):
-    """Return the interval of an even grid that holds a value, and how far along it is, 0..1."""
+    """Return the interval of an even grid that contains a value, and the position in it, 0..1."""
     where = min(max((value - first) / step, 0.0), count - 1.0)
     i = min(int(where), count - 2)
     return i, where - i

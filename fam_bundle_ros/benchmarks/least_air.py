@@ -3,11 +3,11 @@
 """
 The least air that any allocation could use for given forces and strains: exhaustive search.
 
-Every way of spreading the force over two motor units is a path through the pressures of the
-second one; the first one follows from the force, on its rising or its falling branch. Dynamic
-programming over a grid of those pressures finds the path that draws least from the supply, first
-in coarse steps over all pressures, then in fine ones around the path found. It knows the future,
-costs nothing to switch, and has ideal valves: a bound, not a controller.
+Every allocation of the force to two motor units is a path of the second unit's pressure; the first
+unit's pressure follows from the force, on its rising or falling branch. Dynamic programming over a
+grid of these pressures finds the path with the least air from the supply, first in coarse steps
+over all pressures, then in fine steps around this path. It knows the future, switches without
+cost, and has ideal valves: it is a lower bound, not a controller.
 """
 
 import numpy as np
@@ -21,37 +21,37 @@ from fam_bundle_ros.model.pneumatics import (
     REFERENCE_TEMPERATURE,
 )
 
-#: N: a force error below this is accepted.
+#: Accepted force error, N.
 _TOLERANCE = 0.15
-#: Pressures per unit over their whole range; each refinement halves their distance, and looks at
-#: so many on either side of the path found before.
+#: Number of pressures per unit over the whole range; number of refinements, each of which halves
+#: their spacing; number of pressures searched on either side of the previous path.
 _POINTS, _REFINEMENTS, _AROUND = 129, 5, 16
-#: Steps of the first search, in those of the refinements.
+#: Time step of the first search, in steps of the refinements.
 _COARSE = 5
 
 
 def least_air(bundle: Bundle, time: np.ndarray, force: np.ndarray, strain: np.ndarray,
               tube_volume: float = 5e-6, step: float = 0.01) -> float:
     """
-    Return the least air mass, kg, that gives these forces at these strains from vented units.
+    Return the least air mass, kg, for these forces at these strains.
 
-    What filling vented units to the first pressures takes is counted too.
+    It includes filling the vented units to the first pressures.
 
     Parameters
     ----------
     bundle : Bundle
-        Of two motor units.
+        With two motor units.
     time, force, strain : ndarray (T,), s, N, 1
     tube_volume : float, m^3
         Per motor unit.
     step : float, s
-        Of the search. A load on muscles swings at about 6 Hz: steps of 50 ms would not see the
-        air that this takes, whoever allocates.
+        Time step of the search. A load on muscles oscillates at about 6 Hz: steps of 50 ms would
+        miss the air of these oscillations, which every allocation needs.
 
     Raises
     ------
     InputError
-        For a bundle that has not two motor units.
+        For another number of motor units than two.
     """
     if bundle.n != 2:
         raise InputError(f'least_air searches bundles of 2 motor units; this one has {bundle.n}')
@@ -71,7 +71,7 @@ def least_air(bundle: Bundle, time: np.ndarray, force: np.ndarray, strain: np.nd
 
 
 class _Search:
-    """The forces and strains at the steps of a search, and what each pressure gives there."""
+    """Forces and gas volumes at the steps of a search, and the units' forces on a grid."""
 
     def __init__(self, bundle, time, force, strain, tube_volume, step):
         self.time = np.arange(time[0], time[-1] + step, step)
@@ -84,11 +84,11 @@ class _Search:
         self._first, self._other = forces[..., 0], forces[..., 1]
 
     def best(self, second):
-        """Return the least air, kg, and its path (K,) through the second unit's (K, m)."""
+        """Return the least air, kg, and its path (K,) through the pressures ``second`` (K, m)."""
         states, counts = self._states(second)
         after, before = self._costs(states, counts)
         ends = np.cumsum(counts)
-        # The path begins vented at the first volume: only the pressures of step 0 cost air.
+        # The path begins vented at the first volume: only the pressures of step 0 use air.
         cost = np.maximum(after[:counts[0]], 0.0).sum(axis=-1)
         cheapest, last = [], slice(0, counts[0])
         for k in range(1, len(counts)):
@@ -114,10 +114,10 @@ class _Search:
 
     def _costs(self, states, counts):
         """
-        Return what each state (S, 2) adds as the later and takes off as the earlier of a pair.
+        Return the air of each state (S, 2), as the later and as the earlier state of a step.
 
         A unit draws max(later - earlier, 0): V dp / n + p dV over R T is linear in the pressures
-        of the two states. One that stays vented breathes through its open exhaust.
+        of both states. A unit that stays vented takes ambient air through its open exhaust.
         """
         before = np.concatenate([self._volume[:1], self._volume])
         middle, change = 0.5 * (before[1:] + before[:-1]), np.diff(before, axis=0)
@@ -129,7 +129,7 @@ class _Search:
         return later, states * per_earlier[each] / unit
 
     def _states(self, second):
-        """Return the pressures (S, 2) that give the force, and how many at each step (K,)."""
+        """Return the pressures (S, 2) that give the force, and their number at each step (K,)."""
         first, steps = self._first, np.arange(len(self.time))[:, None]
         place = second / self._spacing[1]
         low = np.clip(place.astype(int), 0, _POINTS - 2)
@@ -147,7 +147,7 @@ class _Search:
             fits.append((wanted >= least - _TOLERANCE) & (wanted <= top + _TOLERANCE))
         states = np.stack([np.concatenate(found, axis=1), np.tile(second, 2)], axis=-1)
         good = np.concatenate(fits, axis=1)
-        # Out of reach: the nearest force.
+        # If the force is out of range, use the nearest force.
         for k in np.flatnonzero(~good.any(axis=1)):
             miss = np.abs(first[k][:, None] - wanted[k])
             i, j = np.unravel_index(int(np.argmin(miss)), miss.shape)

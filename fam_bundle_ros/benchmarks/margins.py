@@ -3,12 +3,12 @@
 """
 Gain margin of any controller on any plant, and gains of the baselines at a given margin.
 
-The margin is measured in the closed loop, the same way for all: the controller is shown what it
-controls as deviating k times as much from where it is (the loop gain times k), and the smallest k
-from 1 on at which the response to a small step no longer settles is the gain margin. No noise;
-the worst of the operating points. A baseline is scaled to the margin asked for, or to a share of
-that, with each of several filters and ratios of gain to integral; the one with the least product
-of squared error and air on steps and a sine is taken.
+The margin is measured in the closed loop, in the same way for all: the deviation of the controlled
+quantity from its operating point is multiplied by k (the loop gain times k); the margin is the
+smallest k from 1 on at which the response to a small step no longer settles, without noise, at the
+worst operating point. A baseline is scaled to the required margin, or to a share of the gains at
+that margin, with several filters and ratios of gain to integral; the one with the smallest product
+of squared error and air on steps and a sine is used.
 """
 
 from dataclasses import dataclass, replace
@@ -31,31 +31,32 @@ from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.plant import Dynamometer, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
 
-#: s, of the pressure loops and of the controller.
+#: Sample periods of the pressure loops and of the controller, s.
 PID_PERIOD, PERIOD = 2e-3, 4e-3
-#: No baseline is asked for a larger gain margin than this (6 dB), however large ours is.
+#: Largest gain margin required of a baseline (6 dB), even if ours is larger.
 USUAL_MARGIN = 2.0
-#: ... nor for a smaller one.
+#: Smallest gain margin required of a baseline.
 _LEAST_MARGIN = 1.25
-#: Gains that are tried, 3 dB apart, upwards and downwards; how exactly the limit is found.
+#: Gain factors that are tried, 3 dB apart, upwards and downwards; resolution of the limit.
 _UP, _DOWN, _EXACT = np.geomspace(1.0, 64.0, 13), np.geomspace(1.0, 0.1, 8), 1.12
-#: s: before the step, and after it in two halves: in the second one it has to have settled.
+#: Time before the step, and of each of two intervals after it, s; the response must have settled
+#: in the second one.
 _BEFORE, _AFTER = 0.2, 0.9
-#: Shares of the largest force, and strain, of the operating points; steps.
+#: Operating points: shares of the largest force, and strain; steps: share of force, and strain.
 _LEVELS, _PLACE, _STEP_SHARE, _STEP_STRAIN = (0.25, 0.75), 0.09, 0.06, 6e-3
-#: Swings below so many steps are hunting, not instability.
+#: Oscillations below this multiple of the step are hunting, not instability.
 _HUNTING = 1.25
-#: Gain over integral, s, and filter time, s, of the baselines that are tried.
+#: Ratios of gain to integral (s) and filter times (s) of the baselines that are tried.
 RATIOS, FILTERS = (0.0, 0.012, 0.03, 0.08), (5e-3, 20e-3)
-#: Shares of the gains at our margin that are tried besides: less noise, less air.
+#: Shares of the gains at our margin that are tried; smaller ones give less noise and air.
 SHARES = (1.0, 0.5, 0.25)
-#: What they are chosen by.
+#: Trajectories for choosing the gains.
 _JUDGES = {'force': ('steps', 'sine_0.5'), 'strain': ('strain_steps', 'strain_sine')}
 
 
 @dataclass(frozen=True)
 class Controller:
-    """A controller of the benchmark: policy and scheme, feedback, whether it is told of loads."""
+    """A controller of the benchmark: policy and scheme, feedback, knowledge of the load."""
 
     policy: str = 'reversal_aware'
     scheme: str = 'orderly'
@@ -80,12 +81,12 @@ CONTROLLERS = {
 
 @cache
 def pressure_gains(delay: float) -> PidGains:
-    """Return what `tune` gives for a dead time, the same for all controllers."""
+    """Return the gains of `tune` for a dead time, the same for all controllers."""
     return tune(sample_period=PID_PERIOD, transport_delay=delay).gains
 
 
 def told(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
-    """Return what pressure loops know of a plant: the nominal valve, and the dead time."""
+    """Return the settings of pressure loops for a plant: nominal valve, true dead time."""
     config = pid_config(replace(rig, valve=RigConfig().valve), PID_PERIOD, noise_factor)
     return replace(config, transport_delay=delay)
 
@@ -102,7 +103,7 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
     units : int
     controller : Controller
     baseline : BaselineConfig
-        Gains, for the schemes that have some.
+        Gains, for the schemes without a model.
     seed : int
     noise : float
         Factor on the noise of the plant's sensors.
@@ -126,8 +127,8 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
     """
     Return whether the response to a small step settles with the loop gain times ``k``.
 
-    Hunting within about the size of the step, which backlash and friction make at any gain, is no
-    loss of stability.
+    Hunting of about the size of the step, which backlash and friction cause at any gain, does not
+    count as instability.
     """
     model, true = model_of(units), plant_of(plant, units)
     if kind == 'force':
@@ -155,7 +156,7 @@ def _step(level: float, step: float, t: float) -> float:
 
 
 def _unrest(signal: np.ndarray, inside: np.ndarray) -> float:
-    """Return how far a stretch of a signal swings about its slow drift, a parabola."""
+    """Return the peak-to-peak deviation of part of a signal from its drift, a parabola."""
     x = np.linspace(-1.0, 1.0, int(inside.sum()))
     return float(np.ptp(signal[inside] - np.polyval(np.polyfit(x, signal[inside], 2), x)))
 
@@ -165,9 +166,9 @@ def gain_margin(plant: str, units: int, controller: Controller, baseline: Baseli
     """
     Return the gain margin of a controller on a plant with a ``kind`` of reference, a factor.
 
-    At most 64. See the module for what is measured. Gains are tried from 1 on upwards: at a much
-    larger one a loop may come to rest again, at a limit of its pressures. Below 1 where the loop
-    does not settle as it is.
+    At most 64; for the definition see the module. Gains are tried from 1 upwards, as at a much
+    larger gain a loop may come to rest again at a limit of its pressures. Below 1 if the loop does
+    not settle with its own gain.
     """
     holds = partial(settles, plant, units, controller, baseline, kind)
     low = high = 1.0
@@ -197,7 +198,7 @@ def our_margin(plant: str, units: int, kind: str) -> float:
 
 
 def asked_margin(ours: float) -> float:
-    """Return the margin that a baseline has to keep beside ours: ours, but not above 6 dB."""
+    """Return the margin required of a baseline: ours, but not above 6 dB."""
     return min(max(ours, _LEAST_MARGIN), USUAL_MARGIN)
 
 
@@ -216,7 +217,7 @@ def shape_of(plant: str, name: str, kind: str) -> tuple[float, float, float]:
 @cache
 def baseline_gains(plant: str, units: int, name: str, kind: str) -> BaselineConfig:
     """
-    Return the gains of a baseline on a plant: as `shape_of` says, scaled to our margin.
+    Return the gains of a baseline on a plant: those of `shape_of`, scaled to our margin.
 
     Parameters
     ----------
@@ -239,12 +240,12 @@ def _scaled_to(plant, units, name, kind, shape, margin) -> BaselineConfig:
 
 @cache
 def _critical(plant, units, name, kind, shape) -> float:
-    """Return the factor on the usual integral at which a baseline no longer settles."""
+    """Return the factor on the default integral at which a baseline no longer settles."""
     return gain_margin(plant, units, CONTROLLERS[name], _gains(kind, shape, 1.0), kind)
 
 
 def _gains(kind, shape, factor) -> BaselineConfig:
-    """Return gains with an integral of ``factor`` times the usual one, 10 1/s or 2 1/s."""
+    """Return gains with an integral of ``factor`` times the default, 10 1/s or 2 1/s."""
     integral = factor * (10.0 if kind == 'force' else 2.0)
     values = {f'{kind}_integral': integral, f'{kind}_gain': shape[0] * integral,
               'filter_time': shape[1]}

@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plants of the control benchmark that are not the controller's model.
+Plants of the control benchmark that differ from the controller's model.
 
-Each but ``nominal`` has one thing wrong, ``everything`` has all. Muscles (`foreign_muscle`) come
-through the seam for foreign plants and share no law with the catalogue. What is between muscle
-and controller (dead time, lag, valve, line) is configuration of the rig. Controllers are told the
-model, the supply, the nominal valve and the dead time, no more.
+Each except ``nominal`` has one difference, ``everything`` has all. The muscles (`foreign_muscle`)
+use the interface of foreign plants and share no law with the catalogue. Differences between muscle
+and controller (dead time, lag, valve, line) are configuration of the rig. Controllers know only
+the model, the supply, the nominal valve and the dead time.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ UNITS = (2, 3, 6)
 #: Radius (m) and muscles of each motor unit, smallest first.
 _SIZES = {3: ((4.0e-3, 1), (5.0e-3, 1), (6.35e-3, 1)),
           6: ((3.5e-3, 1), (4.0e-3, 1), (4.5e-3, 1), (5.0e-3, 1), (5.0e-3, 2), (6.35e-3, 2))}
-#: Of a dead time, the share that readings have; commands have the rest.
+#: Share of the dead time in the readings; the rest is in the commands.
 _READING = 0.6
 
 SLUGGISH = SensorConfig(force_lag=4e-3, pressure_lag=2e-3, strain_lag=1e-3, force_resolution=0.2,
@@ -47,7 +47,7 @@ class PlantKind:
     ----------
     name, words : str
     muscle : Wrong or None
-        What is wrong with the muscles; None for the controller's own model.
+        Differences of the muscles; None for the controller's own model.
     rig : RigConfig
         With its dead times.
     noise_factor : float
@@ -61,7 +61,7 @@ class PlantKind:
 
     @property
     def delay(self) -> float:
-        """Dead time from reading through command, s; controllers are told."""
+        """Dead time of reading and command together, s; known to the controllers."""
         return self.rig.sensors.delay + self.rig.valve.delay
 
 
@@ -74,20 +74,20 @@ def _late(delay: float, sensors: SensorConfig = SensorConfig(),
 
 
 PLANTS = {kind.name: kind for kind in (
-    PlantKind('everything', 'all of the following at once, 10 ms late',
+    PlantKind('everything', 'all of the following at once, with a dead time of 10 ms',
               Wrong(own_surface=True, snap=True, scale=0.06, friction=2.5, slide=3e-4),
               _late(10e-3, SLUGGISH, STICKY, chamber=NARROW,
                     supply=SupplyConfig(resistance=3e6))),
-    PlantKind('surface', 'measured-like surface of tension and push-back in place of the laws',
+    PlantKind('surface', 'realistic surface of tension and push-back instead of the laws',
               Wrong(own_surface=True)),
-    PlantKind('snap', 'push-back drops when a muscle folds, and comes back late',
+    PlantKind('snap', 'push-back drops when a muscle folds, and returns with hysteresis',
               Wrong(snap=True)),
-    PlantKind('units_10', 'motor units 10 % weaker and stronger in turn', Wrong(scale=0.10)),
-    PlantKind('units_5', 'motor units 5 % weaker and stronger in turn', Wrong(scale=0.05)),
-    PlantKind('units_2', 'motor units 2 % weaker and stronger in turn', Wrong(scale=0.02)),
+    PlantKind('units_10', 'motor units alternately 10 % weaker and stronger', Wrong(scale=0.10)),
+    PlantKind('units_5', 'motor units alternately 5 % weaker and stronger', Wrong(scale=0.05)),
+    PlantKind('units_2', 'motor units alternately 2 % weaker and stronger', Wrong(scale=0.02)),
     PlantKind('friction', 'Dahl friction of the braid, also at constant strain',
               Wrong(friction=3.0, slide=3e-4)),
-    PlantKind('play', 'play of about 10 kPa in pressure, also at constant strain',
+    PlantKind('play', 'backlash of about 10 kPa in pressure, also at constant strain',
               Wrong(friction=2.0, slide=1e-5)),
     PlantKind('delay_15', 'dead time of 15 ms', rig=_late(15e-3)),
     PlantKind('delay_10', 'dead time of 10 ms', rig=_late(10e-3)),
@@ -95,7 +95,7 @@ PLANTS = {kind.name: kind for kind in (
     PlantKind('sensors', 'lag of 1 to 4 ms and coarse readings', rig=RigConfig(sensors=SLUGGISH)),
     PlantKind('line', 'narrow line between valve with sensor and muscle',
               rig=RigConfig(chamber=NARROW)),
-    PlantKind('valve', 'backlash of the spool, other dead band, slower',
+    PlantKind('valve', 'backlash of the spool, larger dead band, slower',
               rig=RigConfig(valve=STICKY)),
     PlantKind('noise', 'noise of all sensors doubled', noise_factor=2.0),
     PlantKind('nominal', 'the model itself'),
@@ -132,13 +132,13 @@ def model_of(units: int) -> Bundle:
 
 @cache
 def plant_of(name: str, units: int) -> Any:
-    """Return the Bundle or ForeignPlant that the rig of a plant is made of."""
+    """Return the Bundle or ForeignPlant of a plant's rig."""
     kind, model = kind_of(name), model_of(units)
     return model if kind.muscle is None else muscle_plant(model, kind.muscle)
 
 
 def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
-    """Return the force of any plant without memory, N."""
+    """Return the force of any plant at rest, with its initial memory, N."""
     model = plant.model(False)
     pressure = [float(p) for p in pressure]
     return sum(model.force(i, strain, 0.0, pressure, 0.0, 0.0, True, model.shape,
@@ -149,10 +149,10 @@ def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray
 @cache
 def model_error(name: str, units: int) -> float:
     """
-    Return how wrong the controller's model is on a plant, N rms, at rest.
+    Return the error of the controller's model on a plant, N rms, at rest.
 
     Over slow pressure sweeps, up and down and from unit to unit in the order of recruitment, at
-    constant strains: what friction and snap do is in it, dead time and lag are not.
+    constant strains: it includes friction and snap, but not dead time and lag.
     """
     model, plant = model_of(units), plant_of(name, units)
     if plant is model:

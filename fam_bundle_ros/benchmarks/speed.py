@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Rows of `fam_bundle bench` and how their times are taken.
+Rows of `fam_bundle bench` and the measurement of their times.
 
-Every figure stands beside what a user would take instead, measured in the same run, and beside
-what is to be reached. The rows are in the modules ``speed_*``.
+Every figure has a peer, an alternative measured in the same run, and a target. The rows are in the
+modules ``speed_*``.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -26,7 +26,7 @@ from fam_bundle_ros.processes import environment
 
 
 class Skipped(Exception):
-    """A row that cannot be measured here; the text says why."""
+    """A row that cannot be measured, for the reason in the text."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Figure:
     value : float
     unit : str
     peer : str
-        What it stands beside; empty for nothing.
+        Name of the peer; empty for none.
     beside : float, optional
         The peer's number, in the same unit and from the same run.
     reach : float, optional
-        What value/beside is to reach, or the value itself where there is no peer.
+        Target of value/beside, or of the value itself without a peer.
     at_least : bool
-        Whether more is better.
+        Whether the target is a lower limit.
     note : str
     """
 
@@ -67,7 +67,7 @@ class Figure:
 
     @property
     def reached(self) -> bool | None:
-        """Whether it is as fast as it is to be; None where nothing is asked."""
+        """Whether the target is reached; None without a target."""
         if self.reach is None:
             return None
         found = self.value if self.ratio is None else self.ratio
@@ -75,19 +75,19 @@ class Figure:
 
     @property
     def asked(self) -> str:
-        """What is to be reached, as text."""
+        """The target as text."""
         if self.reach is None:
             return ''
         return f"{'at least' if self.at_least else 'at most'} {self.reach:g}"
 
     @property
     def verdict(self) -> str:
-        """Whether it is reached, as text."""
+        """Whether the target is reached, as text."""
         return {True: 'reached', False: 'not reached', None: ''}[self.reached]
 
     @property
     def cells(self) -> tuple[Any, ...]:
-        """What, value, unit, peer's value, peer, ratio, what is to be reached, verdict."""
+        """What, value, unit, peer's value, peer, ratio, target, verdict."""
         return (self.what, self.value, self.unit, self.beside, self.peer, self.ratio, self.asked,
                 self.verdict)
 
@@ -107,10 +107,10 @@ class Row:
         For ``--only``.
     what : str
     measure : callable
-        Gets the share of the usual work to do (1; small in tests), returns figures. May raise
+        Called with the share of the usual work (1; small in tests), returns figures. May raise
         `Skipped`.
     where : callable, optional
-        Returns in words where the time goes; asked when a figure is not reached.
+        Returns as text where the time is spent; called when a target is not reached.
     long : bool
         Takes minutes: measured only when it is named.
     """
@@ -124,7 +124,7 @@ class Row:
 
 @dataclass
 class Result:
-    """Result of a row: its figures, or why there are none, and where the time goes."""
+    """Result of a row: its figures, or why there are none, and where the time is spent."""
 
     row: Row
     figures: list[Figure] = field(default_factory=list)
@@ -134,16 +134,16 @@ class Result:
 
     @property
     def missed(self) -> list[Figure]:
-        """The figures that are not reached."""
+        """The figures that miss their targets."""
         return [figure for figure in self.figures if figure.reached is False]
 
     @property
     def remarks(self) -> list[str]:
-        """Why there are no figures, notes on figures, and where the time goes."""
+        """Why there are no figures, notes on figures, and where the time is spent."""
         found = [f'not measured: {self.skipped}'] if self.skipped else []
         found += [f'{figure.what}: {figure.note}' for figure in self.figures if figure.note]
         if self.where:
-            found.append(f'where the time goes: {self.where}')
+            found.append(f'time spent in: {self.where}')
         return found
 
     def to_json(self) -> dict[str, Any]:
@@ -155,7 +155,7 @@ class Result:
 
 def choose(rows: Iterable[Row], only: Iterable[str]) -> list[Row]:
     """
-    Return the rows that are named; without names all but the long ones.
+    Return the named rows; without names all but the long ones.
 
     Raises
     ------
@@ -166,7 +166,8 @@ def choose(rows: Iterable[Row], only: Iterable[str]) -> list[Row]:
     names = list(only)
     for name in names:
         if name not in by_name:
-            raise InputError(f"--only: '{name}' is no row; expected some of {', '.join(by_name)}")
+            raise InputError(f"--only: '{name}' is not a row; expected some of "
+                             f"{', '.join(by_name)}")
     return [by_name[name] for name in names] or [row for row in by_name.values() if not row.long]
 
 
@@ -198,7 +199,7 @@ def run(rows: Iterable[Row], scale: float = 1.0) -> Iterator[Result]:
 
 
 def machine() -> dict[str, Any]:
-    """Return what the numbers were measured on."""
+    """Return a description of the machine."""
     engine = kernels.numba()
     return {'cores': os.cpu_count(), 'machine': platform.machine(),
             'system': platform.system(), 'python': platform.python_version(),
@@ -215,16 +216,16 @@ def best(call: Callable[[], Any], budget: float = 0.5, least: int = 3) -> float:
 
 def paired(calls: list[Callable[[], Any]], budget: float = 0.5, least: int = 3) -> list[float]:
     """
-    Return the shortest CPU time of each call, s: what other programs do only adds to it.
+    Return the shortest CPU time of each call, s, as other programs can only lengthen it.
 
     Parameters
     ----------
     calls : list of callable
-        They take turns, so that all meet one machine; each is called once before it counts.
+        Called alternately, under the same load of the machine; each is called once before.
     budget : float, s
-        Of wall time for repeats.
+        Wall time for repeats.
     least : int
-        Repeats at least.
+        Smallest number of repeats.
     """
     shortest = [float('inf')] * len(calls)
     for call in calls:
@@ -246,14 +247,14 @@ def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: A
     Parameters
     ----------
     function : str
-        As ``package.module:name``; arguments and result must be fit for JSON.
+        ``package.module:name``; arguments and result must be serialisable as JSON.
     plain : bool
         Without numba.
 
     Raises
     ------
     Skipped
-        When it fails there; the text is the last line of its error.
+        When the function fails; the text is the last line of its error.
     """
     module, _, name = function.partition(':')
     code = (f'import json, sys; from {module} import {name} as call; '
@@ -267,7 +268,7 @@ def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: A
     return json.loads(done.stdout.strip().splitlines()[-1])
 
 
-# --- where the time goes -----------------------------------------------------------------------
+# --- profiles ----------------------------------------------------------------------------------
 
 def where_of(call: Callable[[], Any]) -> str:
     """Return the functions in which a call spends most of its CPU time, with their shares."""
@@ -280,9 +281,9 @@ def where_of(call: Callable[[], Any]) -> str:
 
 def shares(stats: pstats.Stats, top: int = 4) -> str:
     """
-    Return where the time of a profile went, as ``model/bundle.py 31 %, ...``.
+    Return where the time of a profile was spent, as ``model/bundle.py 31 %, ...``.
 
-    Time in functions written in C counts for the file that called them; a library is one entry.
+    Time in C functions is assigned to the calling file; a library is one entry.
     """
     spent: dict[str, float] = {}
     for (file, _, _), (_, _, own, _, callers) in stats.stats.items():  # type: ignore[attr-defined]

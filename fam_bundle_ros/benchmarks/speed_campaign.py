@@ -17,14 +17,14 @@ from fam_bundle_ros.benchmarks.speed_studies import children
 from fam_bundle_ros.campaign import run_campaign
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit, save_model
 
-#: Recordings that one process works on; those that two share; the first ones, for comparison.
+#: Numbers of recordings: for one process, for two processes, and the first ones for comparison.
 ALL, SHARED, FEW = 1000, 300, 30
-#: GB; times the work of one; times the cost of a recording among few.
+#: Targets: memory (GB), parallel efficiency, cost of a recording relative to the first ones.
 REACH_MEMORY, REACH_EFFICIENCY, REACH_COST = 1.0, 0.8, 1.1
 
 
 def write_lab(folder: Path, count: int) -> Path:
-    """Write small maps of muscles, half of them with dead ends, and the model; return that."""
+    """Write small maps of muscles, half of them with dead ends; return the model file."""
     strain, pressure = (each.ravel() for each in np.meshgrid(np.linspace(0.0, 0.2, 5),
                                                              np.linspace(8e4, 4e5, 5)))
     plain = Bundle('lab', [MotorUnit('mu1', 1, Geometry(6e-3, 0.2, np.radians(30.0), 1e-3))],
@@ -50,7 +50,7 @@ def campaign(scale: float) -> list[Figure]:
         (folder / 'shared').mkdir()
         write_lab(folder / 'all', count)
         model = write_lab(folder / 'shared', shared)
-        # in a process of its own: the memory of this one is shared with other rows
+        # in a process of its own, as the memory of this one includes other rows
         with ProcessPoolExecutor(1, get_context('spawn')) as fresh:
             cpu, wall, gigabytes = fresh.submit(_alone, folder / 'all').result()
         begin, load, spent = time.perf_counter(), os.getloadavg()[0], children()
@@ -65,8 +65,8 @@ def campaign(scale: float) -> list[Figure]:
                    note='largest resident memory; the process also starts and imports'),
             Figure(f'{shared} recordings, two processes', one / two / 2.0,
                    'of twice the speed of one', reach=REACH_EFFICIENCY, at_least=True,
-                   note=f'{_words(one, two, load)}; their CPU time is {spent:.0f} s beside '
-                   f'{cpu[shared - 1]:.0f} s of one')]
+                   note=f'{_words(one, two, load)}; their CPU time is {spent:.0f} s, that of one '
+                   f'process {cpu[shared - 1]:.0f} s')]
         try:
             from distributed import LocalCluster
         except ImportError:
@@ -96,8 +96,8 @@ def _alone(folder: Path) -> tuple[list[float], list[float], float]:
 
 
 def _words(one: float, two: float, load: float) -> str:
-    return (f'{one:.0f} s against {two:.0f} s, which begins with starting both; other processes '
-            f'count: the load was {load:.1f} on {os.cpu_count()} cores')
+    return (f'{one:.0f} s against {two:.0f} s, which includes the start of both; depends on other '
+            f'processes: the load was {load:.1f} on {os.cpu_count()} cores')
 
 
 ROWS = (Row('campaign', '`campaign` over many small maps', campaign, long=True),)

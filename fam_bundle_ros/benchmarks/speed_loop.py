@@ -20,15 +20,15 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import MassSpring, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
-#: x real time on one core, by motor units.
+#: Targets of the speed on one core, relative to real time, by number of motor units.
 REACH = {2: 300.0, 6: 100.0}
 REACH_PLAIN, REACH_PEERS = 10.0, 100.0
-#: A force on a dynamometer, and a strain against an arm.
+#: A force reference on a dynamometer, and a strain reference with an arm.
 TRAJECTORIES = ('sine_0.5', 'arm')
 #: Policy and scheme of every controller with a model.
 CONTROLLERS = tuple((each.policy, each.scheme) for name, each in NAMED.items()
                     if not each.baseline and each.feedback and each.told_load)
-#: Tolerances that the peers may have, loose to tight.
+#: Tolerances of the peers, from loose to tight.
 _TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 _FINE = 1e-8
 _PERIOD = 2e-3
@@ -38,7 +38,7 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
            trajectories: Any = TRAJECTORIES, budget: float = 0.2, least: int = 3
            ) -> dict[str, float]:
     """
-    Return x real time of the closed loop by ``policy/scheme/trajectory``.
+    Return the speed of the closed loop, relative to real time, by ``policy/scheme/trajectory``.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
     controllers : sequence of (policy, scheme)
     trajectories : sequence of str
     budget, least : float, s, and int
-        For repeats of each.
+        See `best`.
     """
     bundle, found = model_of(units), {}
     for name in trajectories:
@@ -66,7 +66,7 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
 
 
 def against_real_time(scale: float) -> list[Figure]:
-    """Return x real time of 2 and 6 motor units, compiled and plain: the slowest controller."""
+    """Return the speed of the slowest controller for 2 and 6 units, with and without numba."""
     figures = []
     for units in REACH:
         if kernels.numba() is not None:
@@ -95,7 +95,7 @@ def where(scale: float) -> str:
 
 
 def case(bundle: Bundle, duration: float) -> tuple[ClosedLoop, Trajectory]:
-    """Return a loop with one valve command per tick, and a strain that it follows with 4 kg."""
+    """Return a loop with one valve command per tick, and a strain trajectory with 4 kg."""
     load = MassSpring(mass=4.0, damping=40.0, stiffness_against=500.0)
     turn = 2.0 * math.pi
 
@@ -110,10 +110,10 @@ def case(bundle: Bundle, duration: float) -> tuple[ClosedLoop, Trajectory]:
 
 def against_solvers(scale: float) -> list[Figure]:
     """
-    Return x real time of the whole loop beside those of ODE solvers on its plant alone.
+    Return the speed of the whole loop, compared with ODE solvers on its plant alone.
 
-    The solvers are given the loop's valve commands, and the loosest tolerance at which
-    they are as exact as the loop against a fine solution.
+    The solvers get the loop's valve commands, and the loosest tolerance at which they are as
+    accurate as the loop, relative to a fine solution.
     """
     bundle = model_of(2)
     duration = max(0.5 * scale, 0.02)
@@ -143,6 +143,6 @@ def against_solvers(scale: float) -> list[Figure]:
 ROWS = (
     Row('loop', 'closed loop with every controller, one core, against real time',
         against_real_time, where),
-    Row('solvers', 'closed loop beside ODE solvers that have the plant only', against_solvers,
+    Row('solvers', 'closed loop, compared with ODE solvers on the plant only', against_solvers,
         where),
 )

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of the model on arrays: a million forces beside NumPy by hand, the Jacobian of a fit."""
+"""Rows of the model on arrays: a million forces against plain NumPy, the Jacobian of a fit."""
 
 import time
 
@@ -12,7 +12,8 @@ from fam_bundle_ros.model import Bundle, catalogue, Motion, Place
 
 _ROWS = 1_000_000
 _FIT_ROWS, _FIT_PARAMETERS = 24_000, 12
-#: Not slower than by hand; the whole catalogue within five times; Jacobian ten times faster.
+#: Targets: not slower than plain NumPy; whole catalogue within five times; Jacobian ten times
+#: faster.
 REACH, REACH_CATALOGUE, REACH_JACOBIAN = 1.0, 5.0, 0.1
 
 
@@ -108,7 +109,7 @@ def differences(bundle: Bundle, motion: Motion, keys: list[str]) -> np.ndarray:
 
 
 def jacobians(scale: float) -> list[Figure]:
-    """Return the time of prediction and Jacobian beside that of forward differences."""
+    """Return the time of prediction and Jacobian, compared with forward differences."""
     bundle, motion, keys = fit_case(scale)
     shape = f'{len(motion.strain)} rows x {len(keys)} parameters'
     begin = time.perf_counter()

@@ -4,8 +4,8 @@
 The rig's plant as a user would write it: an ODE for `solve_ivp` and for python-control.
 
 Written from the equations, not from `fam_bundle_ros.plant`: force and gas volume come from the
-bundle, constants from the rig's configuration. So it also says how exact the rig's own integrator
-is. No leaks, relief valves or end stops in motion: the case keeps away from them.
+bundle, constants from the rig's configuration. So it also shows the accuracy of the rig's own
+integrator. It has no leaks, relief valves or end stops in motion, which the case does not reach.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from fam_bundle_ros.model.pneumatics import (
 )
 from fam_bundle_ros.plant import MassSpring, RigConfig
 
-#: Of strain, strain rate, pressures and spools: what an absolute tolerance is measured by.
+#: Scales of the absolute tolerance: strain, strain rate, pressure, spool position, spool speed.
 _SCALE = (1e-2, 1e-1, 1e5, 1.0, 1e3)
 
 
@@ -69,7 +69,7 @@ class Plant:
 
     @property
     def tolerance(self) -> np.ndarray:
-        """What the relative tolerance is to be multiplied with for an absolute one."""
+        """Factors from the relative tolerance to absolute tolerances of the state."""
         n = self.bundle.n
         strain, rate, pressure, spool, speed = _SCALE
         return np.array([strain, rate, pressure, *[pressure] * n, *[spool] * n, *[speed] * n])
@@ -138,7 +138,7 @@ def replay(plant: Plant, commands: np.ndarray, dt: float, tolerance: float) -> n
     """
     Return strain and pressures (T, 1 + n) after each command, with `solve_ivp` (LSODA).
 
-    Restarted at each command, as a loop with a digital controller has to.
+    The solver is restarted at each command, as in a loop with a digital controller.
     """
     state, rows = plant.start, []
     for command in commands:
@@ -151,9 +151,9 @@ def replay(plant: Plant, commands: np.ndarray, dt: float, tolerance: float) -> n
 
 def respond(plant: Plant, commands: np.ndarray, dt: float, tolerance: float) -> np.ndarray:
     """
-    Return the same with python-control's `input_output_response`.
+    Return the result of `replay`, but with python-control's `input_output_response`.
 
-    It takes inputs that are linear in time: each command has two points, so that it is held.
+    It interpolates inputs linearly: each command has two points, so that it is held.
 
     Raises
     ------

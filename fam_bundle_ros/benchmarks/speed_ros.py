@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Rows over ROS: the bundle's nodes beside empty nodes in the same graph.
+Rows over ROS: the bundle's nodes compared with empty nodes in the same graph.
 
-Each graph runs in processes of its own, by name: only `fam_bundle_ros.nodes` speaks ROS.
+Each graph runs in processes of its own, called by name, as only `fam_bundle_ros.nodes` uses ROS.
 """
 
 from functools import partial
@@ -16,17 +16,17 @@ from typing import Any
 
 from fam_bundle_ros.benchmarks.speed import elsewhere, Figure, Row, shares, Skipped
 
-#: Median beside that of empty nodes: in one process, with one process per node.
+#: Targets of the median latency relative to empty nodes: one process, one process per node.
 REACH_ONE, REACH_MANY = 1.15, 1.3
-#: Lock-step: steps per second beside those of empty nodes. 1 kHz: samples that are answered.
+#: Targets relative to empty nodes: steps per second in lock-step, answered samples at 1 kHz.
 REACH_STEPS, REACH_FAST = 0.7, 0.95
 _MEASURE = 'fam_bundle_ros.nodes.latency:measure'
 
 
 def pair(scale: float, graph: str = 'bundle', **case: Any) -> tuple[dict, dict]:
-    """Return the figures of a graph and of the empty one: medians over blocks that take turns."""
+    """Return the figures of a graph and of the empty one: medians over alternating blocks."""
     if importlib.util.find_spec('rclpy') is None:
-        raise Skipped('rclpy is not there')
+        raise Skipped('rclpy is not installed')
     seconds, blocks = max(2.5 * scale, 0.2), 3 if scale >= 1.0 else 1
     found: dict[str, list[dict[str, float]]] = {'empty': [], graph: []}
     for _ in range(blocks):

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All rows of `fam_bundle bench`, and what fills the cache of compiled code."""
+"""All rows of `fam_bundle bench`, and the function that fills the cache of compiled code."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ ROWS = (*speed_loop.ROWS, *speed_model.ROWS, *speed_ticks.ROWS, *speed_ros.ROWS,
 
 
 def warm_up() -> None:
-    """Compile the laws and what the models that ship need, so that a user's first run is fast."""
+    """Compile the laws and the shipped models, so that a user's first run is fast."""
     if kernels.numba() is None:
         return
     rowlaw.prepare(catalogue.available().values())

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Row of the start: how long until a process has imported, shown its help, or has a node up."""
+"""Row of the start: time until a process has imported, shown its help, or started a node."""
 
 from functools import cache
 import importlib.util
@@ -13,7 +13,7 @@ import tempfile
 from fam_bundle_ros.benchmarks.speed import Figure, Row
 from fam_bundle_ros.processes import environment
 
-#: s more than `import numpy`; s; times `import rclpy`.
+#: Targets: import, s more than `import numpy`; help, s; node, relative to `import rclpy`.
 REACH_IMPORT, REACH_HELP, REACH_NODE = 0.05, 0.3, 1.3
 _UP = 'from rclpy.context import Context\nc = Context()\nc.init()\n'
 _EMPTY = f"""{_UP}from fam_bundle_ros.nodes.empty import empty_node
@@ -22,16 +22,16 @@ empty_node('pressure_pid_mu1', 1, False, c, 'bench')
 _NODE = f"""{_UP}from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 PressurePidNode(1, context=c, namespace='bench')
 """
-#: Ends the process at once: the shutdown of rclpy does not count.
+#: Ends the process at once, as the shutdown of rclpy is not measured.
 _END = '\nimport os\nos._exit(0)'
 
 
 def seconds(programs: list[str], repeats: int) -> list[float]:
     """
-    Return the least CPU time, s, of a fresh Python with each program; they take turns.
+    Return the shortest CPU time, s, of a new Python process with each program, alternately.
 
-    On a machine with nothing else to do it is also the wall time: nothing waits in a start. Once
-    before it counts, so that bytecode is at hand as after any first start.
+    On an idle machine it is also the wall time, as a start does not wait. The first run of each is
+    not counted, so that bytecode exists as after any first start.
     """
     def spent() -> float:
         usage = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -48,7 +48,7 @@ def seconds(programs: list[str], repeats: int) -> list[float]:
 
 @cache
 def _bytecode() -> tempfile.TemporaryDirectory[str]:
-    """Return a folder for the bytecode of all starts; it goes with this process."""
+    """Return a folder for the bytecode of all starts; it is removed with this process."""
     return tempfile.TemporaryDirectory(prefix='fam_bundle_')
 
 
@@ -59,7 +59,7 @@ def _environment() -> dict[str, str]:
 
 
 def measure(scale: float) -> list[Figure]:
-    """Return how long imports, help and a node take."""
+    """Return the times of imports, help and a node."""
     helped = 'from fam_bundle_ros.cli import main\nmain(["--help"])'
     ros = importlib.util.find_spec('rclpy') is not None
     programs = ['import numpy', 'import fam_bundle_ros', 'import fam_bundle_ros.model', helped,

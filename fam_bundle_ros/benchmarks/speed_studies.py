@@ -12,7 +12,7 @@ from fam_bundle_ros.benchmarks.plants import model_of
 from fam_bundle_ros.benchmarks.speed import Figure, Row, where_of
 from fam_bundle_ros.model import Bundle, Motion
 
-#: s on two cores.
+#: Target of the control benchmark on two cores, s.
 REACH_CONTROL = 600.0
 #: Lengths of the logs for `diagnose`.
 SAMPLES = (10_000, 24_000, 100_000)

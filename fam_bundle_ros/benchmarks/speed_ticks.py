@@ -25,7 +25,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Rig, RigConfig
 from fam_bundle_ros.simulation import pid_config
 
-#: us, without numba.
+#: Targets without numba, us.
 REACH_CONTROLLER, REACH_ALLOCATION = 150.0, 60.0
 _MODULE = 'fam_bundle_ros.benchmarks.speed_ticks'
 _PERIOD = 2e-3
@@ -65,7 +65,7 @@ def shares_of(ticks: int) -> str:
 
 
 def _work(ticks: int) -> dict[str, Callable[[], None]]:
-    """Return a call for each part that runs a number of ticks."""
+    """Return for each part a function that runs a number of ticks."""
     tick, inputs = _controller(ticks)
 
     def control() -> None:

@@ -3,8 +3,8 @@
 """
 The command line ``fam_bundle``.
 
-Exit status 0 when it worked, 2 for bad input with one clear line on stderr, 1 otherwise.
-Commands import what they need when they run, so that the help is there at once.
+Exit status 0 on success, 2 for bad input with a one-line message on stderr, 1 otherwise.
+Commands import their modules when they run, so that the help is fast.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ import warnings
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import EXTRAS
 
-#: What typer makes of Ctrl-C.
+#: Status that typer returns after Ctrl-C.
 _INTERRUPTED = 130
 
 
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     debug = '--debug' in given
     if (threading.current_thread() is threading.main_thread()
             and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL):
-        # as Ctrl-C: processes that work for this one end with it
+        # as Ctrl-C, so that worker processes end with this one
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         from fam_bundle_ros.cli.app import app
@@ -47,12 +47,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _fail('stopped', 1)
         return status if isinstance(status, int) else 0
     except BrokenPipeError:
-        # the reader of a pipe (head, less) has ended: no error
+        # the reader of a pipe (head, less) has ended, which is not an error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
         return _fail('stopped', 1)
-    except Exception as error:  # the one place where anything unexpected becomes a short line
+    except Exception as error:  # unexpected errors become one line here
         if debug:
             raise
         return _report(error)
@@ -63,10 +63,10 @@ def _report(error: Exception) -> int:
         return _fail(str(error), 2)
     if isinstance(error, ModuleNotFoundError):
         return _fail(_missing(error), 1)
-    if hasattr(error, 'format_message'):  # a usage error of typer, whichever click it carries
+    if hasattr(error, 'format_message'):  # a usage error of typer, with its own click or not
         context = getattr(error, 'ctx', None)
         command = f'{context.command_path}: ' if context else ''
-        help_line = f' ({context.command_path} --help lists what there is)' if context else ''
+        help_line = f' ({context.command_path} --help lists the options)' if context else ''
         message = error.format_message().rstrip('.')
         if not message.strip() or type(error).__name__ == 'NoArgsIsHelpError':
             print(message)

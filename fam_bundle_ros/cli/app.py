@@ -24,7 +24,7 @@ _COMMANDS = {
     'Model': (new_model, draw_map, effects, tune),
     'Discovery': (compare, diagnose, convert, workbench, add, ladder, campaign),
     'Benchmarks': (benchmark_control, benchmark_discovery, bench, benchmark_faults)}
-#: Of `run`: what it does not know goes to ROS.
+#: Settings of `run`, which passes unknown options to ROS.
 _PASSES_ON = {'allow_extra_args': True, 'ignore_unknown_options': True}
 
 app = typer.Typer(
@@ -47,13 +47,13 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def fam_bundle(
     version: Annotated[bool, typer.Option('--version', callback=_version, is_eager=True,
-                                          help='Show the version and leave.')] = False,
+                                          help='Show the version and exit.')] = False,
     debug: Annotated[bool, typer.Option('--debug', help='Show the traceback of an unexpected '
                                         'error.')] = False,
 ) -> None:
     """
     Bundles of fluidic artificial muscles with variable recruitment: model, control, discovery.
 
-    Start with [bold]fam_bundle demo[/bold]. A MODEL is a model file (YAML) or the name of one
-    that ships, such as spie2021.
+    Start with [bold]fam_bundle demo[/bold]. A MODEL is a model file (YAML) or the name of a
+    shipped model, such as spie2021.
     """

@@ -29,14 +29,14 @@ from fam_bundle_ros.resources import model_path
 def benchmark_control(
     plants: Names = 'all',
     trajectories: Names = 'all',
-    units: Annotated[str, typer.Option(help='Motor units: of 2, 3, 6, with commas between, or '
-                                       'all.')] = 'all',
+    units: Annotated[str, typer.Option(help='Numbers of motor units: 2, 3, 6, separated by '
+                                       'commas, or all.')] = 'all',
     controllers: Annotated[str, typer.Option(
-        help='Run beside reversal_aware and equal_pressure: names with commas between, all, or '
-        'none.')] = 'all',
+        help='Run in addition to reversal_aware and equal_pressure: names separated by commas, '
+        'all, or none.')] = 'all',
     full: Annotated[bool, typer.Option('--full', help='Every combination, not only every pair: '
                                        'minutes with --controllers none, else longer.')] = False,
-    seeds: Annotated[str, typer.Option(help="Seeds of the sensors' noise, with commas between."
+    seeds: Annotated[str, typer.Option(help="Seeds of the sensors' noise, separated by commas."
                                        )] = '1',
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
@@ -45,10 +45,10 @@ def benchmark_control(
     json_file: JsonFile = None,
 ) -> None:
     """
-    Hold the controller against one equal pressure with a PI, on plants that are not its model.
+    Compare the controller with one equal pressure and a PI, on plants that differ from its model.
 
-    By default every pair of plant, trajectory, number of units and further controller is there,
-    in a few minutes. The worst plant comes first. The JSON has `rows` (one per run), `summary`
+    By default every pair of plant, trajectory, number of units and further controller occurs, in
+    a few minutes. The worst plant is listed first. The JSON has `rows` (one per run), `summary`
     (`figures`, `plants`, `not_reached`) and `over_ros`.
     """
     from fam_bundle_ros.benchmarks import control
@@ -89,22 +89,22 @@ def benchmark_control(
 
 def benchmark_discovery(
     cases: Annotated[int, typer.Option(help='Cases per kind of data and set.', min=1)] = 150,
-    sets: Annotated[str, typer.Option(help='Sets of cases with commas between, or all.')] = 'all',
+    sets: Annotated[str, typer.Option(help='Sets of cases separated by commas, or all.')] = 'all',
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     against: Annotated[bool, typer.Option('--against', help='LASSO (scikit-learn) and STLSQ '
                                           '(pysindy) on the same cases.')] = False,
     real: Annotated[Path | None, typer.Option(
-        '--real', metavar='FOLDER', help='Instead: measured muscles, each NAME.csv with its '
-        'NAME.model.yaml, scored on rows kept away.', exists=True, file_okay=False)] = None,
+        '--real', metavar='FOLDER', help='Use measured muscles instead, each NAME.csv with its '
+        'NAME.model.yaml, scored on held-out rows.', exists=True, file_okay=False)] = None,
     json_file: JsonFile = None,
 ) -> None:
     """
     Hide effects in simulated data and count how often `diagnose` names them.
 
-    With --real on measured muscles: inner strain levels, isobars or trials are kept away, and the
-    recommended model is scored there beside a six-parameter empirical form fitted to the same
-    rows. The JSON has `rows` and `summary`.
+    With --real on measured muscles: inner strain levels, isobars or trials are held out, and the
+    recommended model is scored on them and compared with a six-parameter empirical form fitted to
+    the same rows. The JSON has `rows` and `summary`.
     """
     if real is not None:
         _benchmark_real(real, workers, scheduler, json_file)
@@ -113,7 +113,7 @@ def benchmark_discovery(
     chosen = pick(sets, discovery.SETS, '--sets')
     if against:
         from fam_bundle_ros.benchmarks import discovery_against
-        discovery_against.methods()  # before hours of work, not after
+        discovery_against.methods()  # a missing package must be found before hours of work
     with counter('benchmark-discovery') as tick:
         result = discovery.benchmark(cases, chosen, workers, scheduler=scheduler, progress=tick)
     table(('measure', 'cases', 'value', 'target', ''),
@@ -121,13 +121,13 @@ def benchmark_discovery(
             f'{"≥" if row["at_least"] else "≤"} {row["target"]:.3g}',
             '' if row['met'] else 'missed') for row in result['table']], numeric=(1, 2))
     if result['calibration']:
-        table(('probability claimed', 'right', 'cases'),
+        table(('stated probability', 'correct', 'cases'),
               [(f'{row["claimed"]:.2f}', f'{row["right"]:.2f}', int(row['cases']))
                for row in result['calibration']], numeric=(0, 1, 2))
     if result['confusion']:
-        table(('hidden', 'answered instead (times)'),
+        table(('hidden', 'named instead (times)'),
               [(truth, ', '.join(f'{answer} {count}' for answer, count in answers.items()))
-               for truth, answers in result['confusion'].items()], title='where it went wrong')
+               for truth, answers in result['confusion'].items()], title='wrong answers')
     if against:
         result['against'] = discovery_against.against(cases)
         table(('method', 'figures'), [(name, ', '.join(f'{key} {value}' for key, value in
@@ -141,41 +141,41 @@ def _benchmark_real(folder: Path, workers: int | None, scheduler: str | None,
     from fam_bundle_ros.benchmarks import discovery_real
     with counter('benchmark-discovery') as tick:
         result = discovery_real.benchmark(folder, workers, scheduler=scheduler, progress=tick)
-    table(('measurement', 'kept away', 'verdict', 'effects', 'error (N)', 'effects alone (N)',
+    table(('measurement', 'held out', 'verdict', 'effects', 'error (N)', 'effects alone (N)',
            'empirical (N)', 'ratio'),
           [(row['data'], row['away'], row['verdict'].replace('_', ' '), ', '.join(row['effects']),
             row['held_out_N'], row['physics_N'], row['empirical_N'], f'{row["ratio"]:.2f}')
            for row in result['rows']], numeric=(4, 5, 6, 7),
-          title='Error on rows kept away, worst first')
+          title='Error on held-out rows, worst first')
     found = result['summary']
-    console.print(f'something named on {found["named"]} of {found["splits"]} splits; error over '
-                  f"the empirical form's: median {found['median']:.2f}, worst "
+    console.print(f'effects named on {found["named"]} of {found["splits"]} splits; error relative '
+                  f"to the empirical form's: median {found['median']:.2f}, worst "
                   f'{found["worst"]:.2f}; effects alone: median {found["median_physics"]:.2f}, '
                   f'worst {found["worst_physics"]:.2f}')
     for name, families in found['always'].items():
-        console.print(f'named, or tied with what is, on every split of {name}: '
+        console.print(f'named, or tied with a named effect, on every split of {name}: '
                       f'{", ".join(families) or "none"}')
     save_json(json_file, result)
 
 
 def bench(
     only: Annotated[list[str] | None, typer.Option('--only', metavar='NAME', help='Rows by name, '
-                                                   'with commas between or --only again.')] = None,
-    listed: Annotated[bool, typer.Option('--list', help='Name the rows and leave.')] = False,
-    scale: Annotated[float, typer.Option(help='Share of the usual work; small for a quick look.',
+                                                   'separated by commas or --only again.')] = None,
+    listed: Annotated[bool, typer.Option('--list', help='List the rows and exit.')] = False,
+    scale: Annotated[float, typer.Option(help='Share of the usual work; small for a quick test.',
                                          min=0.001, max=10.0)] = 1.0,
-    warm: Annotated[bool, typer.Option('--warm', help='Measure nothing: fill the cache of '
-                                       'compiled code.')] = False,
+    warm: Annotated[bool, typer.Option('--warm', help='Only fill the cache of compiled code, '
+                                       'without measuring.')] = False,
     out: PageFile = None,
     json_file: JsonFile = None,
 ) -> None:
     """
-    Measure how fast the parts run, beside other ways and beside what is to be reached.
+    Measure the speed of the parts, in comparison with other packages and with targets.
 
     Without --only all rows but the long ones, about four minutes. The JSON has `machine`, `scale`
-    and `rows`; a row has `name`, `skipped` (why it was not measured), `where` (the time goes, if
-    a figure is not reached) and `figures` with `what`, `value`, `unit`, `peer`, `beside` (the
-    peer's value), `ratio`, `reach` and `reached`.
+    and `rows`; a row has `name`, `skipped` (why it was not measured), `where` (the time is spent,
+    if a target is missed) and `figures` with `what`, `value`, `unit`, `peer`, `beside` (the peer's
+    value), `ratio`, `reach` (the target) and `reached`.
     """
     from fam_bundle_ros.benchmarks import speed
     from fam_bundle_ros.benchmarks.speed_rows import ROWS, warm_up
@@ -225,10 +225,10 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
     try:
         from fam_bundle_ros.nodes.session import run_trajectory
     except ModuleNotFoundError as error:
-        notes.print(f'no row over ROS: {error.name} is not there')
+        notes.print(f'no row over ROS: {error.name} is not installed')
         return []
     bundle, rig, period = model_of(2), RigConfig(), 2e-3
-    # The gains that the benchmark has, and in both the rate that all nodes share.
+    # The gains of the benchmark, and in both runs the common rate of the nodes.
     gains, config = PidGains(), pid_config(rig, period)
     trajectory = make_trajectory('ramp_20', bundle)
     with notes.status('one row over ROS, lock-step'):
@@ -245,7 +245,7 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
 
 
 def pick(text: str, known: Any, option: str) -> list[str]:
-    """Return the names in a text with commas, or all that are known; InputError for others."""
+    """Return the names in a comma-separated text, or all known ones; InputError for others."""
     if text == 'all':
         return list(known)
     names = [name.strip() for name in text.split(',')]
@@ -260,5 +260,5 @@ def _whole(text: str, option: str) -> list[int]:
     try:
         return [int(part) for part in text.split(',')]
     except ValueError:
-        raise InputError(f"{option}: '{text}' is no list of whole numbers; expected for example "
-                         '1,2,3') from None
+        raise InputError(f"{option}: '{text}' is not a list of whole numbers; expected for "
+                         'example 1,2,3') from None

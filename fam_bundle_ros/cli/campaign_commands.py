@@ -26,26 +26,25 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.resources import model_path
 
-#: Lines of failed recordings that are printed; the page has all.
+#: Largest number of failed recordings that are printed; the page lists all.
 _MOST = 10
 
 
 def campaign(
-    folder: Annotated[Path, typer.Argument(metavar='FOLDER', help='Recordings, also in folders '
-                                           'in it: logs and ROS 2 bags.')],
+    folder: Annotated[Path, typer.Argument(metavar='FOLDER', help='Recordings, also in '
+                                           'subfolders: logs and ROS 2 bags.')],
     model: ModelOption,
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FOLDER', help='Results: tables '
                                       '(Parquet), the page (index.html), a JSON for each '
-                                      'recording. What is in it is not computed again.')],
+                                      'recording. Existing results are not computed again.')],
     recipe: Annotated[Path | None, typer.Option('--recipe', metavar='FILE', help='How the '
                                                 'recordings are read; diagnose --save-recipe '
                                                 'writes one.')] = None,
     specimens: Annotated[Path | None, typer.Option(
         '--specimens', metavar='TABLE', help='A CSV with a column "file", dimensions with their '
-        'units in brackets, further numbers such as an age, and a column "muscle" where several '
-        'recordings are of one.')] = None,
-    pattern: Annotated[str, typer.Option(help='Names of the files that are wanted, "*.csv".'
-                                         )] = '*',
+        'units in brackets, further numbers such as an age, and a column "muscle" if several '
+        'recordings are of one muscle.')] = None,
+    pattern: Annotated[str, typer.Option(help='Pattern of the file names, "*.csv".')] = '*',
     unexplained: Unexplained = 0.01,
     odds: Odds = 20.0,
     workers: WorkersOption = None,
@@ -54,11 +53,11 @@ def campaign(
     allow_python: AllowPython = False,
 ) -> None:
     """
-    Diagnose hundreds of recordings: which muscles lack which effect, and what goes with what.
+    Diagnose hundreds of recordings: which effects are missing, and what this correlates with.
 
-    Started again after it was stopped or killed, it goes on where it was. A recording that fails
-    is in the tables with its error; the status is 0 all the same. The JSON has `recordings`,
-    `shares`, `contrasts` and `trends`.
+    Started again after it was stopped or killed, it continues. A recording that fails is in the
+    tables with its error, and the exit status is still 0. The JSON has `recordings`, `shares`,
+    `contrasts` and `trends`.
     """
     from fam_bundle_ros.campaign import run_campaign
     from fam_bundle_ros.discovery import Choices
@@ -72,7 +71,7 @@ def campaign(
     show_muscle(result.model)
     known = len(result.recordings) - result.computed
     console.print(escape(result.summary)
-                  + (f'; {known} needed no work this time' if known else ''), soft_wrap=True)
+                  + (f'; {known} were already computed' if known else ''), soft_wrap=True)
     table(('effect', 'muscles that lack it', 'of', 'tied'),
           [(share.effect, share.muscles, share.of, share.tied) for share in result.shares],
           numeric=(1, 2, 3))

@@ -24,13 +24,13 @@ from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.resources import model_path
 
-#: A pipe or a file has no width: wide enough that no row of a table is folded for it.
+#: Width for a pipe or a file, large enough that no row of a table is wrapped.
 _PIPE_WIDTH = 160
-#: s between two lines of progress where it goes into a file.
+#: Period of progress lines when stderr is not a terminal, s.
 SAY = 10.0
-#: The bundle that the paper measured; where it stands in for a model, that is said.
+#: Default model: the bundle of the paper. Commands say when they use it.
 PAPER = 'spie2021'
-#: Results go here; progress and notes to `notes`, so that a pipe gets the results only.
+#: Console of the results; progress and notes go to `notes`, so that a pipe gets only results.
 console = Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 notes = Console(stderr=True, highlight=False)
 
@@ -57,10 +57,10 @@ SchedulerOption = Annotated[str | None, typer.Option(
     '--scheduler', metavar='ADDRESS', help='Run on the Dask cluster of this scheduler, '
     'tcp://HOST:8786, instead of on this machine (extra cluster).')]
 Unexplained = Annotated[float, typer.Option(
-    '--unexplained', metavar='SHARE', min=1e-4, max=1.0, help='How much structure beyond every '
-    "law is normal, as a share of the force's standard deviation.")]
-Odds = Annotated[float, typer.Option('--odds', min=1.0, help='Sets of effects at most so many '
-                                     'times less probable than the best are ties.')]
+    '--unexplained', metavar='SHARE', min=1e-4, max=1.0, help='Normal amount of structure beyond '
+    "all laws, as a share of the force's standard deviation.")]
+Odds = Annotated[float, typer.Option('--odds', min=1.0, help='Sets of effects count as ties if at '
+                                     'most this many times less probable than the best.')]
 PageFile = Annotated[Path | None, typer.Option(
     '--out', '-o', metavar='FILE', callback=_page_to_write, help='Also write the page (HTML).')]
 Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
@@ -68,15 +68,15 @@ Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', hel
 ControllerModel = Annotated[str | None, typer.Option(
     '--model', '-m', metavar='MODEL', help='Model of the controller, and of the simulated rig.')]
 PlantModel = Annotated[str | None, typer.Option(
-    '--plant-model', metavar='MODEL', help='Model of the simulated rig: a hidden effect.')]
-Names = Annotated[str, typer.Option(help='Names with commas between, or all.')]
+    '--plant-model', metavar='MODEL', help='Model of the simulated rig, for a hidden effect.')]
+Names = Annotated[str, typer.Option(help='Names separated by commas, or all.')]
 ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help='Model file, or '
-                                          'a name that ships.')]
+                                          'name of a shipped model.')]
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Options of every command on data: how a measurement is read."""
+    """Options of all commands on data: how a measurement is read."""
 
     columns: tuple[str, ...] = ()
     rest_length: str | None = None
@@ -90,7 +90,7 @@ class Reading:
 
     @property
     def words(self) -> str:
-        """The options as they are typed: for a command that is to read the same file alike."""
+        """The options as on a command line, for another command that reads the same file."""
         words = [f'--columns {shlex.quote(text)}' for text in self.columns]
         words += [f'--{key.replace("_", "-")} {shlex.quote(str(value))}' for key, value in (
             ('rest_length', self.rest_length), ('max_pressure', self.max_pressure),
@@ -105,41 +105,41 @@ _PANEL = 'How the data are read'
 _READING: dict[str, Any] = {
     'columns': Annotated[list[str] | None, typer.Option(
         '--columns', metavar='QUANTITY=COLUMN', rich_help_panel=_PANEL, help='What a column is: '
-        '"length=L \\[mm]", "force=-F \\[N]" to turn the sign, "force=AI1 * 50 N - 2 N" with a '
+        '"length=L \\[mm]", "force=-F \\[N]" to invert the sign, "force=AI1 * 50 N - 2 N" with a '
         'calibration, "pressure=300 kPa" for a constant, "time=100 Hz", "trial=none" for no '
         'column. May be given several times.')],
     'rest_length': Annotated[str | None, typer.Option(
         '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
-        'where the data have lengths; by default that of the model.')],
+        'for data with lengths; by default that of the model.')],
     'gauge': Annotated[bool | None, typer.Option(
-        '--gauge/--absolute', rich_help_panel=_PANEL, show_default=False, help='What pressures '
-        'are, where the header does not say.')],
+        '--gauge/--absolute', rich_help_panel=_PANEL, show_default=False, help='Whether pressures '
+        'are gauge or absolute, if the header does not say it.')],
     'max_pressure': Annotated[str | None, typer.Option(
         '--max-pressure', metavar='PRESSURE', rich_help_panel=_PANEL, help='Highest pressure of '
-        'the muscle, "20 MPa", where it is above 1 MPa.')],
+        'the muscle, "20 MPa", if it is above 1 MPa.')],
     'max_strain': Annotated[float | None, typer.Option(
-        '--max-strain', rich_help_panel=_PANEL, help='Highest strain of the muscle, where it is '
+        '--max-strain', rich_help_panel=_PANEL, help='Highest strain of the muscle, if it is '
         'above 0.5.')],
     'sheet': Annotated[str | None, typer.Option(
         '--sheet', metavar='NAME', rich_help_panel=_PANEL, help='Sheet of a workbook, group of a '
         '.tdms file, variable of a .mat file.')],
     'drop_bad': Annotated[bool | None, typer.Option(
-        '--drop-bad', rich_help_panel=_PANEL, show_default=False, help='Leave rows out, and count '
-        'them, that hold a word where a number is expected.')],
+        '--drop-bad', rich_help_panel=_PANEL, show_default=False, help='Leave out, and count, '
+        'rows with a word instead of a number.')],
     'recipe': Annotated[Path | None, typer.Option(
-        '--recipe', metavar='FILE', rich_help_panel=_PANEL, help='Take all of these from a file.'
+        '--recipe', metavar='FILE', rich_help_panel=_PANEL, help='Read these options from a file.'
     )],
     'save_recipe': Annotated[Path | None, typer.Option(
-        '--save-recipe', metavar='FILE', rich_help_panel=_PANEL, help='Write all of these, with '
-        'what was recognised, for the next files.')],
+        '--save-recipe', metavar='FILE', rich_help_panel=_PANEL, help='Write these options and '
+        'the recognised columns to a file, for further recordings.')],
 }
 
 
 def reads_data(command: Callable[..., None]) -> Callable[..., None]:
     """
-    Give a command the options of `Reading`; it gets them as its argument ``reading``.
+    Add the options of `Reading` to a command, which gets them as its argument ``reading``.
 
-    Typer makes options of a signature, so that of the command is extended.
+    Typer reads options from the signature, so the command's signature is extended.
     """
     signature = inspect.signature(command)
     own = [entry for name, entry in signature.parameters.items() if name != 'reading']
@@ -160,9 +160,9 @@ def reads_data(command: Callable[..., None]) -> Callable[..., None]:
 
 def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) -> Any:
     """
-    Return the Measurement that one or more arguments name, and say what columns were taken for.
+    Return the Measurement of one or more files, and print how their columns were recognised.
 
-    A model may tell the rest length and the limits of pressure and strain.
+    A model provides defaults of rest length and limits of pressure and strain.
     """
     from fam_bundle_ros.data import (
         join,
@@ -214,15 +214,15 @@ def open_model(name: str, allow_python: bool = False):
 
 def show_muscle(bundle: Any, chosen: bool = True) -> None:
     """
-    Print which muscle a result is about: the model's name and geometry.
+    Print the muscle of a result: the model's name and geometry.
 
-    Where the user did not choose it (``chosen`` False) the line says so.
+    If the user did not choose it (``chosen`` False), another line says so.
     """
     from fam_bundle_ros.model.own_muscle import muscle_words
     console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
     if not chosen:
         console.print('no model was chosen: this is the bundle of the paper; for another give its '
-                      'model (fam_bundle new-model writes one)', style='dim', soft_wrap=True)
+                      'model file (fam_bundle new-model writes one)', style='dim', soft_wrap=True)
 
 
 def muscle_of(bundle: Any) -> dict[str, Any]:
@@ -239,14 +239,14 @@ def quantity(text: str, like: str, option: str) -> float:
 
 
 def yaml_to_write(path: Path, what: str = 'model') -> None:
-    """Raise InputError for a path that does not end as YAML does, or that has no folder."""
+    """Raise InputError for a path without a YAML suffix or in a folder that does not exist."""
     if path.suffix not in ('.yaml', '.yml'):
         raise InputError(f'{path}: expected the name of a {what} file (.yaml) to write')
     _has_folder(path)
 
 
 def free_name(name: str) -> str:
-    """Return the name of a file here, numbered where there is one already."""
+    """Return the name of a new file, with a number if the file exists already."""
     path, number = Path(name), 2
     while path.exists():
         path, number = Path(name).with_stem(f'{Path(name).stem}_{number}'), number + 1
@@ -254,13 +254,13 @@ def free_name(name: str) -> str:
 
 
 def confirm(question: str, yes: bool) -> None:
-    """Ask for confirmation unless ``yes``; InputError where the answer is no."""
+    """Ask for confirmation unless ``yes``; InputError if the answer is no."""
     if not (yes or typer.confirm(question)):
         raise InputError('not confirmed: nothing was done')
 
 
 def save_json(path: Path | None, result: Any) -> None:
-    """Write the result where ``--json`` asks for it."""
+    """Write the result to the file of ``--json``, if any."""
     if path is not None:
         from fam_bundle_ros.jsonfile import write_json
         write_json(path, result)
@@ -268,14 +268,14 @@ def save_json(path: Path | None, result: Any) -> None:
 
 
 def save_page(path: Path, page: Any) -> None:
-    """Write a page where ``--out`` asks for it."""
+    """Write a page to the file of ``--out``."""
     from fam_bundle_ros.report.page import write_page
     write_page(path, page)
     wrote(path)
 
 
 def wrote(*paths: Path | str) -> None:
-    """Say what was written, on stderr."""
+    """Print on stderr which files were written."""
     for path in paths:
         notes.print(f'wrote {path}', style='dim', soft_wrap=True)
 
@@ -283,7 +283,7 @@ def wrote(*paths: Path | str) -> None:
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = '',
           numeric: Sequence[int] = ()) -> None:
     """
-    Print a table without lines but the one under its head.
+    Print a table without borders.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ''
         Cells: text, rich text, numbers (three significant digits) or None.
     title : str
     numeric : sequence of int
-        Columns that are set right.
+        Columns that are aligned right.
     """
     if title:
         console.print(title, style='bold')
@@ -315,9 +315,9 @@ def parameter_table(parameters: Iterable[Any]) -> None:
 @contextmanager
 def progress_bar(words: str) -> Iterator[Callable[..., None]]:
     """
-    Show how far long work is, on stderr: a bar, or a line now and then where that is a file.
+    Show the progress of long work on stderr: a bar, or lines if it is not a terminal.
 
-    Yields a function of the share done (0 to 1) and a word about what is being done.
+    Yields a function of the share done (0 to 1) and a description of the present step.
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
     with Progress(TextColumn('{task.description}'), BarColumn(bar_width=30),
@@ -338,7 +338,7 @@ def progress_bar(words: str) -> Iterator[Callable[..., None]]:
 
 @contextmanager
 def counter(words: str) -> Iterator[Callable[..., None]]:
-    """Show a `progress_bar`; yields a function of how many are done, of how many, and a word."""
+    """Show a `progress_bar`; yields a function of number done, total, and description."""
     with progress_bar(words) as tick:
         yield lambda done, every, what='': tick(
             done / every, f'{done} of {every}{f", {what}" if what else ""}')
@@ -352,7 +352,7 @@ def candidate_table(entries: Iterable[Any], title: str, probability: str) -> Non
 
 
 def effect_name(name: str, shown: str = '') -> Text:
-    """Return an effect's name, or other words for it, in its colour."""
+    """Return an effect's name, or ``shown`` instead, in the effect's colour."""
     return Text(shown or name, style=palette.effect(name).dark)
 
 

@@ -42,8 +42,8 @@ from fam_bundle_ros.resources import data_path, model_path
 def compare(
     recordings: Annotated[list[str], typer.Argument(
         metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
-        'or the name of data that ships; several of one muscle are taken together, be they trials '
-        'or a file for each sensor.')],
+        'or the name of shipped data; several files of one muscle are joined, as trials or as one '
+        'file for each sensor.')],
     model: ModelOption,
     out: PageFile = None,
     json_file: JsonFile = None,
@@ -68,7 +68,7 @@ def compare(
                   [(row['label'], row['samples'], row['error_N'], row['bias_N'],
                     '' if row['beyond_noise'] else 'noise') for row in rows], numeric=(1, 2, 3))
     console.print('where it fails' if result.located
-                  else 'no region stands out of the noise', style='bold')
+                  else 'in no region is the error above the noise', style='bold')
     for region in result.located:
         console.print(f'  {escape(str(region))}')
     if out is not None:
@@ -82,7 +82,7 @@ def compare(
 def diagnose(
     recordings: Annotated[list[str] | None, typer.Argument(
         metavar='DATA', help='Log (CSV or text, .xlsx, .lvm, .tdms, .mat, .parquet), ROS 2 bag, '
-        'or the name of data that ships. With --specimens several, or none for all of the table; '
+        'or the name of shipped data. With --specimens several, or none for all of the table; '
         'with --one-muscle several.'
     )] = None,
     model: ModelOption = ...,  # type: ignore[assignment]
@@ -93,11 +93,11 @@ def diagnose(
                                                    'such as an age.')] = None,
     out: PageFile = None,
     model_out: Annotated[Path | None, typer.Option('--model-out', metavar='FILE', help='Also '
-                                                   'write the model that it recommends (.yaml; '
-                                                   'beside it the table of a discrepancy).'
+                                                   'write the recommended model (.yaml, with a '
+                                                   'table if it has a discrepancy).'
                                                    )] = None,
-    one_muscle: Annotated[bool, typer.Option('--one-muscle', help='Several recordings of one and '
-                                             'the same muscle: diagnose them together.')] = False,
+    one_muscle: Annotated[bool, typer.Option('--one-muscle', help='Diagnose several recordings of '
+                                             'the same muscle together.')] = False,
     protocol_out: Annotated[Path | None, typer.Option('--protocol-out', metavar='FILE',
                                                       help='Also write the next experiment as a '
                                                       'protocol (.yaml) for `measure`.')] = None,
@@ -108,7 +108,7 @@ def diagnose(
     *,
     reading: Reading,
 ) -> None:
-    """Find out which physical effect a model is missing, if any, and what to measure next."""
+    """Find the physical effect that a model is missing, if any, and what to measure next."""
     from fam_bundle_ros import discovery
     from fam_bundle_ros.data import save_protocol
     bundle = open_model(model, allow_python)
@@ -119,13 +119,13 @@ def diagnose(
     if specimens is not None:
         for option, file in (('--out', out), ('--protocol-out', protocol_out)):
             if file is not None:
-                raise InputError(f'{option} {file}: several specimens have none yet; expected '
+                raise InputError(f'{option} {file}: not available for several specimens; expected '
                                  '--json')
         diagnose_table(bundle, specimens, recordings or [], reading, choices, model_out, json_file)
         return
     if not recordings or (len(recordings) > 1 and not one_muscle):
         raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with '
-                         'a table of their dimensions, or --one-muscle where all are of one')
+                         'a table of their dimensions, or --one-muscle if all are of one muscle')
     data = recordings[0]
     measured = read_data(recordings, reading, bundle)
     with progress_bar('diagnose') as tick:
@@ -134,7 +134,7 @@ def diagnose(
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     _check_first(result.comparison)
     error = result.error_N
-    console.print(f"error {error['model']:.3g} N as it is, {error['recalibrated']:.3g} N "
+    console.print(f"error {error['model']:.3g} N at present, {error['recalibrated']:.3g} N "
                   f"recalibrated, {error['best']:.3g} N at best; noise floor "
                   f'{result.noise.value:.3g} N ({result.noise.basis})')
     if result.shortlist:
@@ -153,11 +153,11 @@ def diagnose(
                       f"--model {escape(model)} --out {free_name('better.yaml')}[/bold]",
                       soft_wrap=True)
     for group in result.tied:
-        console.print(f'cannot be told apart in these data: {", ".join(group)}')
+        console.print(f'cannot be distinguished in these data: {", ".join(group)}')
     if result.parameters:
         parameter_table(result.parameters)
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
-        console.print('the error that is left looks like', style='bold')
+        console.print('shapes of the remaining error', style='bold')
         for shape in result.shapes_left:
             console.print(f'  {escape(str(shape))}', soft_wrap=True)
     if result.located and result.verdict != 'adequate':
@@ -181,7 +181,8 @@ def diagnose(
                       f'{escape(model)} --out next.csv[/bold], then diagnose both recordings '
                       'with --one-muscle', soft_wrap=True)
     elif protocol_out is not None:
-        notes.print(f'note: {protocol_out} was not written: what comes next is no force test')
+        notes.print(f'note: {protocol_out} was not written: the next experiment is not a force '
+                    'test')
 
 
 @reads_data
@@ -189,7 +190,7 @@ def convert(
     source: Annotated[str, typer.Argument(metavar='DATA', help='ROS 2 bag (folder, .mcap, .db3) '
                                           'or a log of any format.')],
     target: Annotated[Path, typer.Argument(metavar='OUT', help='CSV file (.csv) to write, or '
-                                            'a name without suffix: a bag.')],
+                                           'a name without suffix for a bag.')],
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Add the '
                                               'force of this model and the residual.')] = None,
     json_file: JsonFile = None,
@@ -197,7 +198,7 @@ def convert(
     *,
     reading: Reading,
 ) -> None:
-    """Turn a bag or CSV into a CSV of strain, pressure (kPa), force (N), or a CSV into a bag."""
+    """Convert a bag or log to a CSV of strain, pressure (kPa), force (N), or a log to a bag."""
     from fam_bundle_ros.discovery import compare as compare_with
     from fam_bundle_ros.discovery import write_bag, write_csv
     if target.suffix not in ('.csv', ''):
@@ -226,11 +227,11 @@ def workbench(
     data: Annotated[str | None, typer.Argument(metavar='[DATA]', help='Measurement to open with.'
                                                )] = None,
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
-                                              'or a name that ships.')] = None,
+                                              'or name of a shipped model.')] = None,
     host: Annotated[str, typer.Option(help='Address to listen at.')] = '127.0.0.1',
     port: Annotated[int, typer.Option(help='Port to listen at.', min=1, max=65535)] = 8080,
-    token: Annotated[str | None, typer.Option(help='Needed for any address but this machine.'
-                                              )] = None,
+    token: Annotated[str | None, typer.Option(help='Needed for an address other than this '
+                                              'machine.')] = None,
     show: Annotated[bool, typer.Option(help='Open a browser.')] = True,
 ) -> None:
     """Open the web page that shows where a model fails, and improves it."""

@@ -26,7 +26,7 @@ from fam_bundle_ros.cli.common import (
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path
 
-#: What a report folder holds: nothing else is ever replaced.
+#: Contents of a report folder; a folder with other files is never replaced.
 _OURS = {'index.html', 'metrics.json', 'bag'}
 MODEL = 'models/spie2021.yaml'
 DATA = 'data/dmsp20_static_map.csv'
@@ -40,12 +40,12 @@ def demo(
     json_file: JsonFile = None,
 ) -> None:
     """
-    Run the whole story on simulated hardware and real ROS 2, and write a report.
+    Run control and discovery on simulated hardware and real ROS 2, and write a report.
 
-    A force and a strain trajectory that recruit the second motor unit and release it, then a
-    model of a measured muscle that gets better step by step.
+    A force and a strain trajectory that recruit and release the second motor unit, then a model
+    of a measured muscle that is improved step by step.
     """
-    # other machines need not see the nodes of the demo
+    # keep the nodes of the demo invisible to other machines
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     begin = time.perf_counter()
     with _fresh_folder(out) as folder, _steps() as step:
@@ -63,7 +63,7 @@ Step = Callable[[str, float], Any]
 
 
 def stories(bundle: Any) -> tuple[tuple[str, Any, str], ...]:
-    """Return name, trajectory and words of the runs that recruit a second unit and release it."""
+    """Return name, trajectory and description of the runs that recruit and release a unit."""
     from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, STRAIN
     from fam_bundle_ros.nodes.profile import load_profile
     from fam_bundle_ros.plant import MassSpring
@@ -75,7 +75,7 @@ def stories(bundle: Any) -> tuple[tuple[str, Any, str], ...]:
          f'on a dynamometer that holds the strain at {100 * STRAIN:.0f} %.'),
         ('strain', Trajectory(lift.name, lift.kind, lift.duration, lift.value, lift.rate,
                               MassSpring(mass=5.0, damping=40.0), prepare=2.0),
-         'a mass of 5 kg that is lifted to 16 % strain, held and lowered again.'),
+         'a mass of 5 kg that is lifted to 16 % strain, held, and lowered again.'),
     )
 
 
@@ -113,7 +113,7 @@ def _write(folder: Path, runs: list[Any], diagnosis: Any, bundle: Any, seed: int
     from fam_bundle_ros.report.paper import paper_figures
     found = demo_metrics(runs, diagnosis, bundle, RigConfig(), time.perf_counter() - begin, seed)
     files = [('model of the bundle', config_path(MODEL)), ('measured map', config_path(DATA)),
-             ('model that it starts from', config_path(START)),
+             ('initial model', config_path(START)),
              *((f'bag of the {run.name} trajectory', folder / 'bag' / run.name)
                for run in runs)]
     write_page(folder / 'index.html', demo_page(runs, diagnosis, found, bundle,
@@ -155,7 +155,7 @@ def _step_name(name: str) -> Any:
 
 @contextmanager
 def _steps() -> Iterator[Step]:
-    """Show one line per step with a bar; yields a context manager of words and their total."""
+    """Show a progress bar per step; yields a context manager of description and total."""
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
     with Progress(SpinnerColumn(finished_text='✓'), TextColumn('{task.description}'),
                   BarColumn(bar_width=24), TimeElapsedColumn(), console=notes) as bar:
@@ -175,12 +175,12 @@ def _steps() -> Iterator[Step]:
 
 @contextmanager
 def _fresh_folder(out: Path) -> Iterator[Path]:
-    """Yield a new folder that takes the place of an older report when the block ends well."""
+    """Yield a new folder that replaces an older report when the block ends without error."""
     if out.exists():
         strange = sorted({p.name for p in out.iterdir()} - _OURS) if out.is_dir() else [out.name]
         if strange:
-            raise InputError(f'{out}: holds {strange[0]}, which is not part of a report; expected '
-                             'a new folder or that of an older report')
+            raise InputError(f'{out}: contains {strange[0]}, which is not part of a report; '
+                             'expected a new folder or that of an older report')
     try:
         draft = Path(tempfile.mkdtemp(prefix=f'.{out.name}-', dir=out.parent))
     except OSError as error:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `benchmark-faults`: what the controllers notice, and what happens until then."""
+"""The command `benchmark-faults`: which faults controllers detect, and the pressure until then."""
 
 import os
 from pathlib import Path
@@ -23,27 +23,27 @@ from fam_bundle_ros.errors import InputError
 
 
 def benchmark_faults(
-    faults: Annotated[str, typer.Option(help='Names with commas between, all, or none.')] = 'all',
+    faults: Annotated[str, typer.Option(help='Names separated by commas, all, or none.')] = 'all',
     phases: Names = 'all',
     policies: Names = 'all',
-    work: Annotated[float, typer.Option(help='Minutes of work in which nothing is wrong, for '
+    work: Annotated[float, typer.Option(help='Minutes of operation without a fault, to count '
                                         'false alarms.', min=0.0)] = 4.0,
     ros: Annotated[bool, typer.Option('--ros', help='Also kill, stop and restart each node, one '
                                       'process each (some minutes).')] = False,
-    seed: Annotated[int, typer.Option(help="Of the sensors' noise.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.", min=0)] = 1,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
-    listed: Annotated[bool, typer.Option('--list', help='Name the faults and leave.')] = False,
+    listed: Annotated[bool, typer.Option('--list', help='List the faults and exit.')] = False,
     out: Annotated[Path | None, typer.Option('--out', '-o', metavar='FILE', help='Also write the '
                                              'page (Markdown).')] = None,
     json_file: JsonFile = None,
 ) -> None:
     """
-    Break the simulated rig in every way, and see who notices and what the pressure does.
+    Inject every fault into the simulated rig; report which are detected, and the pressure.
 
-    Every fault in every phase under every policy, through the nodes in lock-step, about 2 s a
-    run; the worst fault first. The JSON has `conditions`, `faults` and `sound` (a line each),
-    `rows` (one per run) and `processes` (with --ros).
+    Every fault in every phase under every policy, through the nodes in lock-step, about 2 s per
+    run; the worst fault is listed first. The JSON has `conditions`, `faults` and `sound` (a line
+    each), `rows` (one per run) and `processes` (with --ros).
     """
     from fam_bundle_ros.benchmarks import faults as benchmark
     from fam_bundle_ros.cli.fault_work import result_of, run_cases
@@ -66,13 +66,13 @@ def benchmark_faults(
     table(tables.SOUND_HEAD, [tables.sound_cells(line) for line in result['sound']],
           numeric=range(1, 5))
     if ros:
-        # in memory that is shared a killed node leaves files, which in the end part the others
+        # with shared memory, files of killed nodes would finally disconnect the other nodes
         os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
         from fam_bundle_ros.nodes.fault_processes import run_processes
         with counter('nodes killed and stopped') as tick:
             result['processes'] = run_processes(tick)
         table(tables.PROCESS_HEAD, [tables.process_cells(row) for row in result['processes']],
-              title='one process a node, in wall time', numeric=(3, 4, 5, 6))
+              title='one process per node, in wall time', numeric=(3, 4, 5, 6))
     if out is not None:
         from fam_bundle_ros.atomic import write_whole
         write_whole(out, tables.markdown(result))

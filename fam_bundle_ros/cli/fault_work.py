@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the cases of the safety benchmark: those in lock-step side by side, the others alone."""
+"""Runs the cases of the safety benchmark: those in lock-step in parallel, the others singly."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -22,7 +22,7 @@ def run_case(case: Case) -> dict[str, Any]:
     model, rig = load_model(config_path(_MODEL)), faults.rig_of(case)
     record = run_with_faults(
         model, faults.trajectory_of(case, model), rig,
-        # Workers share a domain; those of a cluster may be threads of one process.
+        # A namespace each: workers share a domain, and may be threads of one process.
         {**faults.told(case), 'publish_clock': False}, enable_at=case.enable_at,
         lock_step=case.lock_step,
         rate=faults.RATE, seed=case.seed, namespace=f'/faults_{uuid4().hex}')
@@ -41,7 +41,7 @@ def run_cases(cases: Sequence[Case], workers: int | None = None,
     workers : int, optional
         Processes for the cases in lock-step; all cores by default, this process alone with 1.
     progress : callable
-        Gets how many cases are done, how many there are, and the last one.
+        Called with the number of cases done, the number of cases, and the last one.
     scheduler : str, optional
         Address of a Dask scheduler for the cases in lock-step; its workers need ROS.
     """
@@ -54,7 +54,7 @@ def run_cases(cases: Sequence[Case], workers: int | None = None,
     quick = [case for case in cases if case.lock_step]
     for place, row in as_done(run_case, quick, workers, scheduler):
         done(quick[place], row)
-    # In wall time nothing else may run: a machine that is held up is late too.
+    # In wall time nothing else may run, as a busy machine delays the nodes.
     for case in cases:
         if case not in rows:
             done(case, run_case(case))

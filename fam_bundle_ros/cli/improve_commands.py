@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that make models better: `add`, `ladder`."""
+"""Commands that improve models: `add`, `ladder`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,7 +31,7 @@ from fam_bundle_ros.cli.common import (
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
 
-#: More effects than this have too many orders to be shown.
+#: Largest number of effects whose orders are shown.
 _MOST_ORDERED = 3
 
 
@@ -47,13 +47,13 @@ def add(
     source: Annotated[str | None, typer.Option('--from', metavar='MODEL', help='Take the effects '
                                                'from this model file: your own expressions.'
                                                )] = None,
-    replacing: Annotated[list[str] | None, typer.Option('--replace', metavar='OLD=NEW', help='Put '
-                                                        'an effect in the place of one of the '
-                                                        "model's.")] = None,
-    removing: Annotated[list[str] | None, typer.Option('--remove', metavar='NAME', help='Take an '
-                                                       "effect of the model's away.")] = None,
-    discrepancy: Annotated[bool, typer.Option('--discrepancy', help='Also write what is left, as '
-                                              'a table, where that predicts unseen rows '
+    replacing: Annotated[list[str] | None, typer.Option('--replace', metavar='OLD=NEW',
+                                                        help='Replace an effect of the model by '
+                                                        'another.')] = None,
+    removing: Annotated[list[str] | None, typer.Option('--remove', metavar='NAME', help='Remove '
+                                                       'an effect from the model.')] = None,
+    discrepancy: Annotated[bool, typer.Option('--discrepancy', help='Also add the remaining error '
+                                              'as a table, if this predicts unseen rows '
                                               'better.')] = False,
     name: Annotated[str | None, typer.Option(help='Name of the new model.')] = None,
     json_file: JsonFile = None,
@@ -68,8 +68,8 @@ def add(
     wanted: list[Any] = list(effects or [])
     if source is not None:
         if not wanted:
-            raise InputError(f'--from {source} without an effect; expected the names of those to '
-                             'take from it')
+            raise InputError(f'--from {source} without an effect; expected the names of the '
+                             'effects to take from it')
         library = open_model(source, allow_python)
         wanted = [library.effect(effect) for effect in wanted]
     yaml_to_write(out)
@@ -93,7 +93,7 @@ def add(
         save_model(result.model, out)
     show_muscle(result.model)
     console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
-                  f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on data left out; '
+                  f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on held-out data; '
                   f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
     if result.doubt:
         console.print(result.doubt, soft_wrap=True)
@@ -106,7 +106,7 @@ def add(
 @reads_data
 def ladder(
     data: Annotated[str, typer.Argument(metavar='DATA', help='Log of any format, ROS 2 bag, or '
-                                        'the name of data that ships.')],
+                                        'the name of shipped data.')],
     models: Annotated[list[str], typer.Argument(metavar='MODEL...', help='Model files, in the '
                                                 'order of the steps.')],
     word: Annotated[bool, typer.Option('--models', help='May stand before the models.')] = False,
@@ -120,14 +120,14 @@ def ladder(
     from fam_bundle_ros import discovery
     bundles = [open_model(model, allow_python) for model in models]
     measured = read_data(data, reading, bundles[0])
-    with notes.status('refitting on blocks left out'):
+    with notes.status('refitting without held-out blocks'):
         result = discovery.ladder(measured, bundles)
         orders = _orders(bundles, measured)
     show_muscle(bundles[0])
     table(('model', 'error (N)', 'refitted (N)', 'held out (N)'),
           [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'])
            for step in result.steps], numeric=(1, 2, 3))
-    console.print('on the same rows held out: ' + ', '.join(
+    console.print('on the same held-out rows: ' + ', '.join(
         f'{words} {result.rivals_N[name]:.3g} N' for name, words in (
             ('mean', 'mean force'), ('plane', 'plane'),
             ('empirical', 'six-parameter empirical form'))))
@@ -146,7 +146,7 @@ def ladder(
 
 
 def _orders(bundles: list[Any], measured: Any) -> dict[str, list[float]]:
-    """Return the errors in every order of adding what the last model has and the first lacks."""
+    """Return the errors for every order of adding the effects that only the last model has."""
     from fam_bundle_ros.discovery import orders
     first, last = bundles[0], bundles[-1]
     had = {effect.name for effect in first.effects}
@@ -157,4 +157,4 @@ def _orders(bundles: list[Any], measured: Any) -> dict[str, list[float]]:
     try:
         return orders(first, added, measured)
     except InputError:
-        return {}  # an effect of the user's own, which the catalogue cannot make anew
+        return {}  # an effect of the user's own, which is not in the catalogue

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `measure`: an experiment driven and recorded."""
+"""The command `measure`: runs and records an experiment."""
 
 from itertools import accumulate
 from pathlib import Path
@@ -28,35 +28,35 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 
-#: Segments that are listed; of more the first ones and the last.
+#: Largest number of segments that are listed; of more, the first ones and the last.
 _LISTED = 20
 
 
 def measure(
     protocol: Annotated[str, typer.Argument(metavar='PROTOCOL', help='Protocol file, or the name '
-                                            'of one that ships, such as spie2021.')],
+                                            'of a shipped one, such as spie2021.')],
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='New CSV for the '
                                       'recording.')] = Path('measured.csv'),
     model: ControllerModel = None,
     plant_model: PlantModel = None,
-    rig: Annotated[bool, typer.Option('--rig', help='Use the bundle that runs already, a rig and '
-                                      'its controller, instead of a simulated one.')] = False,
-    resume: Annotated[bool, typer.Option('--resume', help='Go on with an experiment that did not '
-                                         'end: complete segments are kept.')] = False,
-    dry_run: Annotated[bool, typer.Option('--dry-run', help='Only say what would be done, and '
-                                          'how long it takes.')] = False,
+    rig: Annotated[bool, typer.Option('--rig', help='Use a running bundle (a rig and its '
+                                      'controller) instead of a simulated one.')] = False,
+    resume: Annotated[bool, typer.Option('--resume', help='Continue an unfinished experiment; '
+                                         'complete segments are kept.')] = False,
+    dry_run: Annotated[bool, typer.Option('--dry-run', help='Only print the segments and their '
+                                          'duration.')] = False,
     namespace: Namespace = 'bundle',
-    seed: Annotated[int, typer.Option(help='Of the noise of the simulated rig.', min=0)] = 0,
+    seed: Annotated[int, typer.Option(help='Seed of the noise of the simulated rig.', min=0)] = 0,
     yes: Annotated[bool, typer.Option('--yes', help='With --rig: do not ask.')] = False,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
     """
-    Drive an experiment on a simulated rig or a real one, and record it as a CSV.
+    Run an experiment on a simulated or a real rig, and record it as a CSV.
 
-    Isobars, holds, minor loops, pressure steps and sweeps, as a protocol lists them. Segments that
-    are complete are kept: after Ctrl-C or a stop --resume goes on. `compare` and `diagnose` read
-    the CSV.
+    Isobars, holds, minor loops, pressure steps and sweeps, as listed in a protocol. Complete
+    segments are kept: after Ctrl-C or a stop --resume continues. `compare` and `diagnose` read the
+    CSV.
     """
     from fam_bundle_ros.data.protocol import read_protocol
     from fam_bundle_ros.data.segment_store import SegmentStore
@@ -82,8 +82,8 @@ def measure(
         save_json(json_file, result)
         return
     if rig:
-        confirm(f'Now the muscles are filled, up to {max(plan.highest) / 1e3:.0f} kPa, and '
-                  'moved: is everybody away from them and the stop button at hand?', yes)
+        confirm(f'The muscles will be filled up to {max(plan.highest) / 1e3:.0f} kPa and will '
+                  'move: is everybody away from them and the stop button within reach?', yes)
     try:
         with progress_bar('measure') as tick:
             drive(plan, out, bundle, plant_model=plant, rig=rig, resume=resume,
@@ -93,7 +93,7 @@ def measure(
             notes.print(f'[bold red]stopped and vented[/bold red]: {escape(str(end))}',
                         soft_wrap=True)
         notes.print(f"{len(store.done)} of {result['segments']} segments are kept in "
-                    f'{store.folder}; --resume goes on', soft_wrap=True)
+                    f'{store.folder}; --resume continues', soft_wrap=True)
         if isinstance(end, Stopped):
             raise typer.Exit(1) from None
         raise
@@ -102,7 +102,7 @@ def measure(
 
 
 def _announce(plan: Any, done: frozenset[int], rig: bool) -> dict[str, Any]:
-    """Say what will be done and how long it takes; return it."""
+    """Print the segments and their duration; return a summary."""
     from fam_bundle_ros.data.protocol import minutes, segments
     planned = segments(plan)
     todo = [segment for segment in planned if segment.number not in done]

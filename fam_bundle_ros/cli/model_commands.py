@@ -27,9 +27,9 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import model_path
 from fam_bundle_ros.units import spaced
 
-ChosenModel = Annotated[str | None, typer.Argument(metavar='[MODEL]', help='Model file, or a name '
-                                                   'that ships; by default the bundle of the '
-                                                   'paper, and that is said.')]
+ChosenModel = Annotated[str | None, typer.Argument(metavar='[MODEL]', help='Model file, or name '
+                                                   'of a shipped model; by default the bundle of '
+                                                   'the paper.')]
 
 
 def draw_map(
@@ -61,7 +61,7 @@ def draw_map(
     table(('', 'blocked force (N)', 'free strain'),
           [(state_name(k + 1), float(figures.space.high['included'][k][0]),
             float(bundle.free_strain(bundle.state_pressures(k + 1, bundle.max_pressure[k]))))
-           for k in range(bundle.n)], title=f'{bundle.name}: what each state can give',
+           for k in range(bundle.n)], title=f'{bundle.name}: limits of each state',
           numeric=(1, 2))
     if figures.free_strain is not None:
         f = figures.free_strain
@@ -74,7 +74,7 @@ def draw_map(
                       f'at strain {found["overlap_widest_at_strain"]:.3g}')
     if ends is not None:
         told = ends.summary()
-        table(('', 'blocked force (N)', 'free strain, least', 'free strain, full'),
+        table(('', 'blocked force (N)', 'free strain, smallest', 'free strain, full'),
               [(words, told[name]['blocked_force_N'], told[name].get('free_strain_least'),
                 told[name]['free_strain_full'])
                for name, words in (('fixed', 'fixed ends'),
@@ -90,11 +90,11 @@ def draw_map(
 
 
 def effects(
-    name: Annotated[str | None, typer.Argument(metavar='[NAME]', help='One effect in full.'
+    name: Annotated[str | None, typer.Argument(metavar='[NAME]', help='Show one effect in full.'
                                                )] = None,
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Show the '
                                               'effects of a model, with its values.')] = None,
-    every: Annotated[bool, typer.Option('--all', help='Every effect in full.')] = False,
+    every: Annotated[bool, typer.Option('--all', help='Show all effects in full.')] = False,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
 ) -> None:
@@ -119,29 +119,29 @@ def effects(
 
 def tune(
     sample_period: Annotated[str, typer.Option(help='Period of the pressure loop.')] = '5 ms',
-    transport_delay: Annotated[str, typer.Option(help='From reading to command at the valve.'
+    transport_delay: Annotated[str, typer.Option(help='Dead time from reading to valve command.'
                                                  )] = '5 ms',
     spool_frequency: Annotated[str, typer.Option(help='Natural frequency of the valve spool.'
                                                  )] = '125 Hz',
     gain_margin: Annotated[float, typer.Option(help='Gain margin to keep, dB.', min=0.0)] = 8.0,
     phase_margin: Annotated[float, typer.Option(help='Phase margin to keep, degrees.',
                                                  min=0.0)] = 55.0,
-    scheduled: Annotated[bool, typer.Option(help='Whether the loop is told the volume.')] = True,
+    scheduled: Annotated[bool, typer.Option(help='Schedule the gains with the volume.')] = True,
     loop: Annotated[str, typer.Option(help='pressure, force or strain.')] = 'pressure',
-    gain_error: Annotated[float, typer.Option(help='Force and strain: by how much the bundle may '
-                                              'change more than its model, relative.',
+    gain_error: Annotated[float, typer.Option(help='Force and strain: relative error of the '
+                                              "model's gain to tolerate.",
                                               min=0.0, max=1.0)] = 0.5,
     inertia: Annotated[float, typer.Option(help='Strain: force per strain acceleration of the '
                                            'load, N s^2.', min=0.0)] = 0.3,
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Strain: '
-                                              'model file, or a name that ships.')] = None,
+                                              'model file, or name of a shipped model.')] = None,
     json_file: JsonFile = None,
 ) -> None:
     """
-    Work out the gains of a loop and show margins and step responses that they leave.
+    Compute the gains of a loop and show their stability margins and step responses.
 
-    A reading that comes over a topic is a period old: the gains of the node pressure_pid are those
-    of a sample period and a delay of 5 ms each, as are the defaults here.
+    A reading from a topic is one period old: the gains of the node pressure_pid are those for a
+    sample period and a delay of 5 ms each, as are the defaults here.
     """
     from fam_bundle_ros.control import PidConfig, tuning
     from fam_bundle_ros.control.loop_tuning import pressure_steps
@@ -157,13 +157,13 @@ def tune(
     gains = result.gains
     console.print(f'[bold]p {gains.p:.4g} 1/s   i {gains.i:.4g} 1/s²   d {gains.d:.3g}[/bold]')
     console.print(f'gain margin {result.gain_margin_db:.1f} dB, phase margin '
-                  f'{result.phase_margin_deg:.0f}°, at least, over {len(result.points)} states '
+                  f'{result.phase_margin_deg:.0f}°, the smallest of {len(result.points)} states '
                   f'of the chamber')
     table(('volume (mL)', 'valve', 'rate fully open (MPa/s)', 'gain margin (dB)',
            'phase margin (°)', 'crossover (Hz)'), _by_volume(result.points),
           numeric=(0, 3, 4, 5))
     steps = pressure_steps(gains, PidConfig(transport_delay=delay), period, delay)
-    table(('volume (mL)', "true rate over the model's", 'overshoot (%)', 'settling (ms)'),
+    table(('volume (mL)', 'true rate / model rate', 'overshoot (%)', 'settling (ms)'),
           [(1e6 * step.volume, 1.0 + step.gain_error, 100.0 * step.overshoot,
             1e3 * step.settling) for step in steps], numeric=(0, 1, 2, 3))
     save_json(json_file, {'steps': steps,
@@ -183,7 +183,7 @@ def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inert
         result = tune_force(config, period)
     elif loop == 'strain':
         if model is None:
-            raise InputError('--loop strain needs --model: the gain of the loop is that of the '
+            raise InputError('--loop strain needs --model: the gain of the loop depends on the '
                              'muscle (fam_bundle new-model writes one)')
         bundle = open_model(model)
         show_muscle(bundle)
@@ -192,7 +192,7 @@ def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inert
         raise InputError(f"--loop is '{loop}'; expected pressure, force or strain")
     console.print('[bold]' + '   '.join(f'{name} {value:.4g}' for name, value
                                         in result.settings.items()) + '[/bold]')
-    table(("true gain over the model's", 'stiffness over the middle one', 'gain margin (dB)',
+    table(('true gain / model gain', 'stiffness / mean stiffness', 'gain margin (dB)',
            'phase margin (°)', 'delay margin (ms)', 'overshoot (%)', 'settling (ms)'),
           [(1.0 + p.gain_error, p.stiffness, p.gain_margin_db, p.phase_margin_deg,
             1e3 * p.delay_margin, 100.0 * p.overshoot, 1e3 * p.settling) for p in result.points],
@@ -202,7 +202,7 @@ def _tune_outer(loop: str, period: float, delay: float, gain_error: float, inert
 
 
 def _by_volume(points: Any) -> list[tuple[Any, ...]]:
-    """Return one row for each volume and side of the valve: what holds at every pressure."""
+    """Return one row for each volume and side of the valve: the worst of all pressures."""
     groups: dict[tuple[float, bool], list[Any]] = {}
     for point in points:
         groups.setdefault((point.volume, point.filling), []).append(point)
@@ -218,7 +218,7 @@ def _by_volume(points: Any) -> list[tuple[Any, ...]]:
 
 
 def _hertz(text: str) -> float:
-    # pint's base unit of a hertz is 1/s, but some of its releases count a turn: read it as 1/s
+    # parsed here as 1/s, as some releases of pint convert a hertz to rad/s
     number, _, unit = spaced(text).partition(' ')
     if unit.strip() != 'Hz':
         raise InputError(f"--spool-frequency: '{text}' is not a frequency; expected for example "

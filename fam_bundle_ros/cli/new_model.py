@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The command `new-model`: a model file of the user's own muscle, by options or questions."""
+"""The command `new-model`: a model file of the user's own muscle, from options or questions."""
 
 from pathlib import Path
 import sys
@@ -29,37 +29,36 @@ def new_model(
     radius: Annotated[str | None, typer.Option(metavar='LENGTH', help='Initial outer radius, half '
                                                'the diameter: "6.35 mm".')] = None,
     length: Annotated[str | None, typer.Option(metavar='LENGTH', help='Active length between the '
-                                               'fittings, vented and not pulled: "127 mm".'
+                                               'fittings, vented and without load: "127 mm".'
                                                )] = None,
-    braid_angle: Annotated[str | None, typer.Option(metavar='ANGLE', help='Of the threads from '
-                                                    'the axis, at that length: "33 deg".'
+    braid_angle: Annotated[str | None, typer.Option(metavar='ANGLE', help='Angle of the threads '
+                                                    'to the axis, at that length: "33 deg".'
                                                     )] = None,
-    wall: Annotated[str | None, typer.Option(metavar='LENGTH', help='Wall of the bladder: '
-                                             '"1.59 mm".')] = None,
-    muscles: Annotated[str | None, typer.Option(metavar='N[,N]...', help='Equal muscles of each '
-                                                'motor unit, in the order of recruitment: "1" or '
-                                                '"1,2".')] = None,
+    wall: Annotated[str | None, typer.Option(metavar='LENGTH', help='Wall thickness of the '
+                                             'bladder: "1.59 mm".')] = None,
+    muscles: Annotated[str | None, typer.Option(metavar='N[,N]...', help='Number of equal muscles '
+                                                'of each motor unit, in order of recruitment: "1" '
+                                                'or "1,2".')] = None,
     max_pressure: Annotated[str | None, typer.Option(metavar='PRESSURE', help='Highest gauge '
                                                      'pressure: "400 kPa".')] = None,
     effects: Annotated[list[str] | None, typer.Option('--effect', metavar='NAME', help='Effect of '
-                                                      'the catalogue to begin with; mesh, the '
+                                                      'the catalogue to start with; mesh, the '
                                                       'ideal braid, by default. May be given '
                                                       'several times.')] = None,
     name: Annotated[str | None, typer.Option(help="Name of the model; the file's by default."
                                              )] = None,
-    force: Annotated[bool, typer.Option('--force', help='Write over a file that is there.'
-                                        )] = False,
+    force: Annotated[bool, typer.Option('--force', help='Overwrite an existing file.')] = False,
     ask: Annotated[bool | None, typer.Option('--ask/--no-ask', show_default=False, help='Ask for '
-                                             'what is not told; in a terminal by default.'
+                                             'missing values; in a terminal by default.'
                                              )] = None,
     listed: Annotated[bool, typer.Option('--list', help='Show the parts with the source of each '
-                                         'value, and leave.')] = False,
+                                         'value, and exit.')] = False,
     json_file: JsonFile = None,
 ) -> None:
     """
-    Write a model file of your own muscle, by options or by questions.
+    Write a model file of your own muscle, from options or questions.
 
-    The file has a comment on each value and is taken by every command: map, diagnose, run.
+    The file has a comment on each value and can be used in every command: map, diagnose, run.
     """
     from fam_bundle_ros.atomic import write_whole
     from fam_bundle_ros.model import own_muscle
@@ -70,7 +69,7 @@ def new_model(
         raise InputError('new-model: no OUT; expected the name of the model file (.yaml) to write')
     yaml_to_write(out)
     if out.exists() and not force:
-        raise InputError(f'{out}: is there already; expected another name, or --force')
+        raise InputError(f'{out}: exists already; expected another name, or --force')
     given = {'radius': radius, 'length': length, 'braid_angle': braid_angle,
              'wall_thickness': wall, 'muscles': muscles, 'max_pressure': max_pressure}
     if ask is None:
@@ -83,7 +82,7 @@ def new_model(
     sources = {key: f'{stock.title}, {said}' for key, said in stock.sources.items()
                if given[key] is None} if stock else {}
     if muscles is None:
-        sources['muscles'] = 'one, as nothing was told'
+        sources['muscles'] = 'one, by default'
     if ask:
         for entry in own_muscle.ENTRIES:
             if given[entry.key] is None:
@@ -109,7 +108,7 @@ def _list(own_muscle) -> None:
     for part in own_muscle.PARTS:
         low, high = part.lengths
         table(('value', '', 'source'),
-              [(entry.option, part.values.get(entry.key, 'tell yours'),
+              [(entry.option, part.values.get(entry.key, 'to be given'),
                 part.sources.get(entry.key, '')) for entry in own_muscle.ENTRIES],
               title=f'{part.name}: {part.title}, sold from {1e3 * low:g} to {1e3 * high:g} mm')
         console.print()
@@ -123,7 +122,7 @@ def _asked_part(own_muscle) -> str | None:
 
 
 def _ask(entry, values: dict[str, str], sources: dict[str, str]) -> None:
-    """Ask for one value; Enter takes what stands there."""
+    """Ask for one value; Enter accepts the default."""
     before = values.get(entry.key)
     values[entry.key] = typer.prompt(f'{entry.label} ({entry.meaning}), such as {entry.example}',
                                      default=before, err=True).strip()

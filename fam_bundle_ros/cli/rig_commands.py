@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that speak ROS 2: `run`, `record`, `check-rig`."""
+"""Commands that use ROS 2: `run`, `record`, `check-rig`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,21 +34,20 @@ def run(
     model: ControllerModel = None,
     plant_model: PlantModel = None,
     trajectory: Annotated[str | None, typer.Option('--trajectory', '-t', metavar='FILE',
-                                                   help='Trajectory file, or one that ships.'
+                                                   help='Trajectory file, or a shipped one.'
                                                    )] = None,
     policy: Annotated[str | None, typer.Option(help='neglect, hysteresis or reversal_aware.'
                                                )] = None,
-    rig: Annotated[bool, typer.Option('--rig', help='A real rig is there: do not simulate one;'
-                                         ' needs --params-file.'
-                                      )] = False,
+    rig: Annotated[bool, typer.Option('--rig', help='Use a real rig instead of a simulated one; '
+                                      'needs --params-file.')] = False,
     params_file: Annotated[Path | None, typer.Option(metavar='FILE', help='ROS parameter file.'
                                                      )] = None,
 ) -> None:
     """
     Run all nodes in one process until Ctrl-C, then vent.
 
-    A strain trajectory is run with a mass on the simulated rig, unless a load is given: the usual
-    dynamometer holds the strain. What follows --ros-args goes to ROS, as with ros2 run:
+    A strain trajectory is run with a mass on the simulated rig, unless a load is given, as the
+    default dynamometer fixes the strain. Arguments after --ros-args go to ROS, as with ros2 run:
     fam_bundle run --ros-args -p load.kind:=mass_spring -r __ns:=/left
     """
     from fam_bundle_ros.nodes import bundle_bringup
@@ -58,11 +57,11 @@ def run(
     if rig and params_file is None and '--params-file' not in context.args:
         raise InputError('--rig needs --params-file: copy '
                          f"{config_path('rig.yaml')} and fill in what your rig has")
-    # A dynamometer, the simulated rig's usual load, holds the strain: none could be asked for.
+    # The default load, a dynamometer, fixes the strain, so a strain could not be controlled.
     free = (trajectory is not None and not rig and params_file is None
             and load_profile(trajectory).kind == 'strain'
             and not any('load' in word for word in context.args))
-    # The simulated rig's usual supply and trip are for muscles up to 344.7 kPa.
+    # The default supply and trip of the simulated rig are for muscles up to 344.7 kPa.
     suited = (not rig and params_file is None
               and not any('pressure' in word or 'params-file' in word for word in context.args))
     own = [item for name, value in (
@@ -74,7 +73,7 @@ def run(
         ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
     given = ['--params-file', str(params_file)] if params_file else []
-    # a parameter file or what follows --ros-args may name another model: the nodes then log it
+    # if a parameter file or --ros-args may name another model, the nodes log it
     if model is not None or not (given or any('model' in word or 'params-file' in word
                                               for word in context.args)):
         show_muscle(open_model(model or PAPER), model is not None)
@@ -108,16 +107,16 @@ def check_rig(
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
-                                              'or a name that ships: how many units, how long.'
+                                              'or a shipped one, for number of units and length.'
                                               )] = None,
     gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
                                         'pressure_is_gauge is set.')] = False,
     active: Annotated[bool, typer.Option('--active', help='Then open the valves, one at a time, '
                                          'and measure them.')] = False,
-    supply: Annotated[str, typer.Option(metavar='PRESSURE', help='With --active: what the '
-                                        'regulator is set to now.')] = '100 kPa',
-    tube_volume: Annotated[str, typer.Option(metavar='VOLUME', help='With --active: of tube and '
-                                             'fittings of a motor unit.')] = '5 ml',
+    supply: Annotated[str, typer.Option(metavar='PRESSURE', help='With --active: present setting '
+                                        'of the regulator.')] = '100 kPa',
+    tube_volume: Annotated[str, typer.Option(metavar='VOLUME', help='With --active: volume of '
+                                             'tube and fittings of a motor unit.')] = '5 ml',
     yes: Annotated[bool, typer.Option('--yes', help='With --active: do not ask.')] = False,
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='With --active: new '
                                       'parameter file for controllers.')] = Path('my_rig.yaml'),
@@ -125,11 +124,11 @@ def check_rig(
     allow_python: AllowPython = False,
 ) -> None:
     """
-    Check whether a rig speaks the interface: names, types, rates, units, signs, noise.
+    Check whether a rig conforms to the interface: names, types, rates, units, signs, noise.
 
-    A note is something that cannot be told from here, say the sign of a force at rest. With
-    --active air goes in: reversed, exchanged and scaled channels, dead time, leaks, drivers that
-    do not vent in silence; what was measured goes into a parameter file.
+    A note is something that you must check, such as the sign of a force at rest. With --active
+    the muscles are filled to detect reversed, exchanged and scaled channels, dead time, leaks, and
+    drivers that do not vent in silence; the measured parameters go into a parameter file.
     """
     from fam_bundle_ros.nodes import rig_check
     if active and model is None:
@@ -140,7 +139,7 @@ def check_rig(
     low = quantity(supply, 'Pa', '--supply')
     tube = quantity(tube_volume, 'm^3', '--tube-volume')
     if active and out.exists():
-        raise InputError(f'{out} is there already; expected a new file (--out)')
+        raise InputError(f'{out} exists already; expected a new file (--out)')
     with progress_bar('check-rig') as tick:
         findings = rig_check.check_rig(
             namespace.strip('/'), seconds, units=bundle.n, length=bundle.length, gauge=gauge,
@@ -149,9 +148,9 @@ def check_rig(
     result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
                               'findings': findings}
     if active and model is not None and result['ok']:
-        confirm('Now the valves are opened one at a time, up to the supply: is the regulator '
-                  f'at {low / 1e3:.0f} kPa, is everybody away from the muscles, are hoses tied '
-                  'down and the stop button at hand?', yes)
+        confirm('The valves will be opened one at a time, up to the supply: is the regulator at '
+                  f'{low / 1e3:.0f} kPa, is everybody away from the muscles, are hoses tied down '
+                  'and the stop button within reach?', yes)
         from fam_bundle_ros.nodes.rig_probe import probe_rig
         with progress_bar('check-rig --active') as tick:
             probe = probe_rig(bundle, low, namespace=namespace.strip('/'), tube_volume=tube,
@@ -177,14 +176,15 @@ def _write_rig(out: Path, model: str, supply: float, parameters: dict[str, Any])
     from fam_bundle_ros.atomic import write_whole
     from fam_bundle_ros.nodes.rig_file import fill_in
     head = (f'Measured by fam_bundle check-rig --active at a supply of {supply / 1e3:.0f} kPa.\n'
-            'Not measured: supply.pressure at work, load_model, policy, time-outs. Look at them.')
+            'Not measured: supply.pressure in operation, load_model, policy, time-outs. Check '
+            'these.')
     write_whole(out, fill_in(config_path('rig.yaml').read_text(),
                              {**parameters, 'model': _file(model)}, head))
     wrote(out)
 
 
 def _mass(model: str) -> dict[str, Any]:
-    """Return parameters for a mass that hangs on the bundle, and that the controller knows."""
+    """Return parameters of a mass on the bundle, for the simulated rig and for the controller."""
     from fam_bundle_ros.nodes.rig_parameters import LOAD, load_from, load_model_parameters
     kind = {'load.kind': 'mass_spring'}
     load = load_from({spec.name: spec.default for spec in LOAD} | kind)

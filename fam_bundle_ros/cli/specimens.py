@@ -24,7 +24,7 @@ from fam_bundle_ros.errors import InputError
 def diagnose_table(bundle: Any, path: Path, files: list[str], reading: Reading, choices: Any,
                    model_out: Path | None, json_file: Path | None) -> None:
     """
-    Diagnose the specimens of a table together, print what they say, and write their models.
+    Diagnose the specimens of a table together, print the result, and write their models.
 
     Parameters
     ----------
@@ -33,12 +33,12 @@ def diagnose_table(bundle: Any, path: Path, files: list[str], reading: Reading, 
     path : Path
         The table.
     files : list of str
-        Recordings of the table that are wanted; empty for all.
+        Recordings of the table to use; empty for all.
     reading : Reading
         How each recording is read.
     choices : Choices
     model_out : Path, optional
-        ``better.yaml`` makes ``better_<specimen>.yaml`` of each.
+        ``better.yaml`` writes ``better_<specimen>.yaml`` for each.
     json_file : Path, optional
 
     Raises

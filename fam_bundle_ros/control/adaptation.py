@@ -1,17 +1,16 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the model gets wrong, learnt while the bundle works.
+Online adaptation of the model.
 
 A gain for each unit's tension, one for the push-back, a bias, and the lag of the force, by
-recursive least squares on measured minus believed force: a Kalman filter whose noise is what the
-estimates leave, as it shows (Mehra 1970, IEEE Trans. Autom. Control 15, 175), and whose covariance
-returns to where it began within minutes. It learns only from errors that are more than noise
-(dead zone: Peterson and Narendra 1982, IEEE Trans. Autom. Control 27, 1161): a model that is right
-stays as it is, and without excitation neither estimate nor covariance drifts. Noise of pressure
-readings is in the model's forces too, where least squares would take it for a gain that is less:
-what it adds on average is taken away again (errors in variables, bias compensation: Soderstrom
-2007, Automatica 43, 939). Kernels.
+recursive least squares on measured minus model force: a Kalman filter whose noise is estimated
+from the residual (Mehra 1970, IEEE Trans. Autom. Control 15, 175), and whose covariance returns to
+the prior within minutes. It learns only from errors beyond noise (dead zone: Peterson and Narendra
+1982, IEEE Trans. Autom. Control 27, 1161): a correct model is not changed, and without excitation
+neither estimate nor covariance drifts. Noise of the pressure readings is in the model's forces
+too, which would bias the gains towards zero: its mean effect is removed (errors in variables, bias
+compensation: Soderstrom 2007, Automatica 43, 939). Kernels.
 """
 
 from dataclasses import dataclass
@@ -21,32 +20,32 @@ from typing import Any
 from fam_bundle_ros.control.observer import mean_change, noise_in
 from fam_bundle_ros.errors import InputError
 
-#: Error of a model that nobody has measured, as sd: of tension, push-back and zero (the last as a
-#: share of the largest force); the same share is left by what gains cannot mend.
+#: Prior sd of the errors of an unverified model: tension, push-back, and bias as a share of the
+#: largest force; the last is also used for the residual that gains cannot describe.
 USUAL_PULL, USUAL_PUSH, USUAL_FORCE = 0.15, 0.5, 0.02
-#: s, sd: of the force behind what the pressures let believe (air behind a tube, sensors that
-#: differ), and of a tracked reference besides.
+#: s: prior sd of the lag of the measured force behind the model force (air behind a tube, sensors
+#: that differ), and of the additional lag behind a moving reference.
 USUAL_LAG = 0.02
-#: Share of a lag that is learnt which the load cell has. Air behind a tube, hysteresis and the
-#: pressure gauge make one as well, nothing that is measured tells which, and odds are even.
+#: Assumed share of the load cell in the learnt lag. Air behind a tube, hysteresis and the pressure
+#: gauge cause lags as well; measurements cannot tell them apart, so all four count alike.
 GAUGE_SHARE = 0.25
-#: s: of the filter that all signals pass before they are compared, for the sake of their slopes.
+#: s: low-pass filter of all signals before they are compared, since their slopes are needed.
 _FILTER_TIME = 0.02
-#: s: over which what was learnt of a bundle becomes as doubtful as it was at first.
+#: s: time constant with which the covariance returns to the prior.
 _CHANGE_TIME = 60.0
-#: So many times as slow as the loop is the lead that is learnt in it.
+#: Time constant of the learnt lead, in lags of the loop.
 _SLOWER = 10.0
-#: Share of `AdaptationConfig.rest_error` that feedback leaves.
+#: Share of `AdaptationConfig.rest_error` that remains with feedback.
 _LEFT = 0.3
-#: Least of `AdaptationConfig.rest_error` that is reckoned with: no force is measured better.
+#: Least residual, as a share of `AdaptationConfig.rest_error`: accuracy of force measurements.
 _LEAST_REST = 0.01
-#: Where tension and push-back are compared: strain, and share of the largest pressure.
+#: Operating points of tension and push-back: strain, and share of the largest pressure.
 _PULLING, _PUSHING = (0.08, 0.7), (0.16, 0.2)
-#: However narrow the intervals of a fit: muscles sold as equal differ by 5 %.
+#: Least relative sd, however narrow a fit's intervals: muscles sold as equal differ by 5 %.
 _LEAST = 0.05
-#: Estimates stay within so many sd of the model.
+#: Limit of the estimates, in prior sd.
 _BOUND = 2.7
-#: N: a change of the model's force by this size may be noise, whatever was seen before.
+#: N: a change of the model's force by this size may be noise, whatever the estimate.
 _USUAL_CHANGE = 0.1
 
 
@@ -64,10 +63,10 @@ class AdaptationConfig:
     offset_error : float, N, optional
         sd of a constant error; 2 % of the largest force by default.
     rest_error : float, N, optional
-        Largest sd of the error that gains and offset do not describe, reckoned with at first
-        (with feedback a third of it); the same by default.
+        Upper limit of the sd of the residual that gains and offset do not describe, and its
+        initial value (with feedback a third of it); 2 % of the largest force by default.
     memory : float, s
-        How long such an error stays alike.
+        Correlation time of this residual.
     """
 
     enabled: bool = True
@@ -93,7 +92,7 @@ class AdaptationSettings:
     spread: list
     rest_error: float
     memory: float
-    #: Of `rest_error`, what is reckoned with at first.
+    #: Initial residual as a share of `rest_error`.
     first_share: float
 
 
@@ -105,23 +104,23 @@ class AdaptationState:
     Attributes
     ----------
     error : list (n + 3,)
-        Relative error of each unit's tension, of the push-back; bias in N; lag in s.
+        Relative errors of each unit's tension and of the push-back; bias in N; lag in s.
     covariance : list (n + 3, n + 3)
     regressor, product, taken : list (n + 3,)
-        Room to work in; what noise of the readings takes from each product of force and error.
+        Work space; mean effect of reading noise on each product of regressor and error.
     force, slow : list (n,), N
-        What the unadapted model gives for each unit at the measured pressures; filtered.
+        Unadapted model force of each unit at the measured pressures; the same, filtered.
     last, before, change : list (n,), N
-        That force in the tick before and in that before it; mean size of its second differences,
-        ``seen`` of them so far.
+        ``force`` one and two ticks ago; mean size of its second differences; ``seen``: number of
+        samples.
     measured : float, N
-        Measured force, filtered alike.
+        Measured force, filtered like ``slow``.
     believed : float, N
-        Force of the adapted model, with the lag that was learnt.
+        Force of the adapted model, with the learnt lag.
     lead : float, s
-        By how much the force came later than the reference, beyond that lag.
+        Delay of the force behind the reference, beyond that lag.
     rest, missed : float, N^2
-        Mean square of what the estimates leave, and of the tracking error.
+        Mean square of the residual, and of the tracking error.
     """
 
     error: list
@@ -145,7 +144,7 @@ class AdaptationState:
 
 def adaptation_settings(config: AdaptationConfig, bundle: Any, feedback: bool = True
                         ) -> AdaptationSettings:
-    """Return the record that `adaptation_step` takes; ``feedback``: of the force loop."""
+    """Return the record that `adaptation_step` takes; ``feedback``: used by the force loop."""
     usual = USUAL_FORCE * float(bundle.force(0.0, bundle.max_pressure))
     pull, push = config.pull_error, config.push_error
     if pull is None:
@@ -159,7 +158,7 @@ def adaptation_settings(config: AdaptationConfig, bundle: Any, feedback: bool = 
 
 
 def _known_error(bundle, where):
-    """Return the relative sd of the force (strain, share of pressure) from fitted intervals."""
+    """Return the relative sd of the force at (strain, share of pressure), from the intervals."""
     strain, share = where
     pressure = share * bundle.max_pressure
     force = float(bundle.force(strain, pressure))
@@ -168,7 +167,7 @@ def _known_error(bundle, where):
         for name, interval in effect.intervals.items():
             low, high = (float(bundle.with_parameters({f'{effect.name}.{name}': value}).force(
                 strain, pressure)) for value in interval)
-            # Intervals hold 95 %.
+            # The intervals are 95 % intervals.
             variance += ((high - low) / 3.92) ** 2
     if variance == 0.0 or force == 0.0:
         return 0.0
@@ -176,7 +175,7 @@ def _known_error(bundle, where):
 
 
 def adaptation_state(n: int) -> AdaptationState:
-    """Return an empty state; `forget_adaptation` makes it begin."""
+    """Return an empty state, to be initialised by `forget_adaptation`."""
     def zeros(count=n + 3):
         return [0.0] * count
     return AdaptationState(zeros(), [zeros() for _ in range(n + 3)], zeros(), zeros(), zeros(),
@@ -189,7 +188,7 @@ def bound_of(settings: Any, k: int) -> float:
 
 
 def forget_adaptation(settings: Any, state: Any) -> None:
-    """Go back to the model as it is in its file."""
+    """Reset to the model of the file."""
     state.lead, state.started, state.seen = 0.0, False, 0
     state.rest = (settings.first_share * settings.rest_error) ** 2
     state.missed = (_LEFT * settings.rest_error) ** 2
@@ -200,7 +199,7 @@ def forget_adaptation(settings: Any, state: Any) -> None:
 
 
 def lagged(state: Any, force: float, dt: float) -> float:
-    """Return the force of the adapted model (N) behind the lag that was learnt."""
+    """Return the force of the adapted model, N, delayed by the learnt lag."""
     lag = lag_of(state)
     share = 1.0 - math.exp(-dt / lag) if state.started and lag > 1e-6 else 1.0
     state.believed += share * (force - state.believed)
@@ -208,7 +207,7 @@ def lagged(state: Any, force: float, dt: float) -> float:
 
 
 def lag_of(state: Any) -> float:
-    """Return by how much the force is later than the pressures let believe, s."""
+    """Return the learnt lag of the measured force behind the model force, s."""
     return state.error[len(state.force) + 2]
 
 
@@ -221,11 +220,20 @@ def lag_doubt(state: Any) -> float:
 def learn_lead(settings: Any, state: Any, weight: float, error: float, rate: float, lag: float,
                dt: float) -> None:
     """
-    Learn how much earlier a moving reference must be asked for.
+    Learn the time by which a moving reference must be advanced.
 
-    An error (N) of the tracked force that goes with the rate (N/s) of the reference is lateness;
-    least squares as in `adaptation_step`, as far as the error is more than noise (``weight``), and
-    slowly beside the ``lag`` (s) of the loop.
+    A tracking error in proportion to the rate of the reference is a delay: least squares as in
+    `adaptation_step`, slow compared with the loop.
+
+    Parameters
+    ----------
+    settings, state : AdaptationSettings, AdaptationState
+    weight : float
+        0 to 1: share of the error beyond noise.
+    error, rate : float, N and N/s
+        Tracking error; rate of the reference.
+    lag, dt : float, s
+        Lag of the loop; sample time.
     """
     if not settings.enabled:
         return
@@ -244,17 +252,17 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
     """
     Learn from one sample by recursive least squares.
 
-    K = P f / (r + f' P f), with r = 2 sigma^2 T/dt for an error of sd sigma that stays alike for
+    K = P f / (r + f' P f), with r = 2 sigma^2 T/dt for a residual of sd sigma and correlation time
     T: the weight of one independent sample per 2 T.
 
     Parameters
     ----------
     settings, state : AdaptationSettings, AdaptationState
-        ``state.force`` is that of the model now.
+        ``state.force`` holds the model forces of this tick.
     measured : float, N
     dt : float, s
     weight : float
-        0 to 1: how much of the error is more than noise.
+        0 to 1: share of the error beyond noise.
     """
     count, n = len(state.error), len(state.force)
     f, product, covariance = state.regressor, state.product, state.covariance
@@ -276,7 +284,7 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
         f[n] += min(state.slow[i], 0.0)
     for i in range(count):
         left -= f[i] * state.error[i]
-    # How large the rest is shows: where gains describe all of it they are found at once.
+    # Estimate the residual: where gains describe the whole error, they converge at once.
     most = settings.rest_error * settings.rest_error
     state.rest += (1.0 - math.exp(-dt / settings.memory)) * (left * left - state.rest)
     state.rest = min(max(state.rest, _LEAST_REST * _LEAST_REST * most), most)
@@ -293,7 +301,7 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
     for i in range(count):
         known += f[i] * product[i]
     seen += known
-    take_noise(state, share, known / seen)
+    noise_bias(state, share, known / seen)
     for i in range(count):
         step = product[i] * left
         for j in range(count):
@@ -306,14 +314,14 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
             covariance[i][j] -= product[i] * product[j] / seen
 
 
-def take_noise(state: Any, share: float, follows: float) -> None:
+def noise_bias(state: Any, share: float, follows: float) -> None:
     """
-    Write what noise takes on average from the product of each regressor and the error: ``taken``.
+    Compute the mean effect of reading noise on each product of regressor and error: ``taken``.
 
-    Noise of a unit's force is in its regressor, in that of the lag by -(1 - s)/T of its change,
-    and with the estimates as factors in the error. Behind the filter, which takes up a ``share`` s
-    of a step, its variance is s/(2 - s) of the readings', and the change's 2/s of that. What lasts
-    longer than a sample the estimates follow meanwhile, by ``follows`` of the error in each.
+    Noise of a unit's force enters its regressor, that of the lag by -(1 - s)/T of its change, and
+    the error with the estimates as factors. Behind the filter, whose gain is s (``share``), its
+    variance is s/(2 - s) of the readings', and the change's 2/s of that. The estimates follow
+    noise that lasts longer than a sample by the share ``follows`` of the error in each sample.
     """
     n = len(state.force)
     lag, slope = state.error[n + 2], (1.0 - share) / _FILTER_TIME

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Holds the supply against its parameter, and the force against model and pressures.
+Checks of the supply against its parameter, and of the force against model and pressures.
 
-Knows nothing of ROS. Pressures are gauge.
+Independent of ROS. Pressures are gauge.
 """
 
 from collections.abc import Callable
@@ -11,19 +11,19 @@ from typing import Any
 
 from fam_bundle_ros.control.safety import kilopascals
 
-#: Least and largest of the supply over its parameter: the least is still covered by LEAST.
+#: Least and largest supply over its parameter: the least is still covered by `plausibility.LEAST`.
 SUPPLY_LEAST, SUPPLY_MOST = 0.8, 1.25
 
 
 class SupplyWatch:
     """
-    Holds the supply's reading against its parameter.
+    Check of the supply's reading against its parameter.
 
     Parameters
     ----------
     expected : float, Pa (gauge)
     patience : float, s
-        How long it may be outside.
+        Time for which the reading may be outside.
 
     Examples
     --------
@@ -40,15 +40,15 @@ class SupplyWatch:
         self.begin()
 
     def begin(self) -> None:
-        """Start anew."""
+        """Reset."""
         self._since: float | None = None
-        #: Why the supply is not believed; empty while it is.
+        #: Why the reading disagrees, as text; empty while it agrees.
         self.text = ''
-        #: Whether that is so for longer than it may be.
+        #: Whether it has disagreed for longer than ``patience``.
         self.lasts = False
 
     def see(self, now: float, supply: float, patience: float | None = None) -> bool:
-        """Take a reading, Pa (gauge); return whether it agrees. nan, no reading, agrees."""
+        """Check a reading, Pa (gauge); return whether it agrees. nan (no reading) agrees."""
         if not (supply < SUPPLY_LEAST * self._expected or supply > SUPPLY_MOST * self._expected):
             self.begin()
             return True
@@ -62,19 +62,19 @@ class SupplyWatch:
 
 class ForceWatch:
     """
-    Holds the force against what the pressures shown can make of it.
+    Check of the force against the range that the pressure readings allow.
 
-    The force of each motor unit is taken at the ends of what its pressure may be; what is above
-    all of that is pulled by air that no sensor shows.
+    The force of each motor unit is evaluated at the ends of the range of its true pressure; a
+    force above the sum comes from air that no sensor shows.
 
     Parameters
     ----------
     unit_force : callable
-        Gets index of the motor unit, strain and pressure (Pa gauge); returns N.
+        Force (N) of a motor unit by index, strain and pressure (Pa gauge).
     tolerance : float, N
-        Error of model and load cell that is taken besides.
+        Additional tolerance for model and load cell.
     patience : float, s
-        How long a force may be too high; one that is too low counts only with ``off_target``.
+        Time for which a force may be too high; too low counts only with ``off_target``.
 
     Examples
     --------
@@ -85,9 +85,9 @@ class ForceWatch:
     ('', 'force is 80 N; pressures shown give 33 N at most')
     """
 
-    #: The pressure felt over the one shown: units differ by 7 % or so, gauges by less.
+    #: Relative error of a pressure reading: units differ by about 7 %, gauges by less.
     RATIO = 0.3
-    #: Pa: and an offset, as of a gauge that drifted.
+    #: Pa: offset of a pressure reading, as by drift.
     OFFSET = 15e3
 
     def __init__(self, unit_force: Callable[[int, float, float], float], tolerance: float,
@@ -98,21 +98,21 @@ class ForceWatch:
         self.begin()
 
     def begin(self) -> None:
-        """Start anew."""
+        """Reset."""
         self._since: float | None = None
 
     def above(self, force: float, strain: float, pressure: Any, limit: Any) -> int | None:
         """
-        Return which motor unit (from 0) the force says is above its limit, None where it does not.
+        Return the motor unit (from 0) whose pressure is above its limit by the force, else None.
 
-        A best estimate, as a reading is one: all that the pressures shown leave unexplained, if
-        it is more than the tolerance, is taken for the air of one unit.
+        An estimate: the whole force that the pressure readings do not explain, if it is more than
+        the tolerance, is attributed to the air of one unit.
 
         Parameters
         ----------
         force, strain : float, N and 1
         pressure, limit : sequence of float (n,), Pa (gauge)
-            As it is shown, and above which there must not be leave to go on.
+            Readings, and the pressures above which operation must stop.
 
         Examples
         --------
@@ -121,7 +121,7 @@ class ForceWatch:
         >>> watch.above(105.0, 0.1, [340e3, 0.0], [396e3, 396e3])
         0
         """
-        # A motor unit that should push may as well be slack.
+        # A motor unit with push-back may also be slack.
         shown, full = ([max(self._unit_force(unit, strain, max(value, 0.0)), 0.0)
                         for unit, value in enumerate(values)] for values in (pressure, limit))
         excess = force - sum(shown)
@@ -133,14 +133,24 @@ class ForceWatch:
 
     def see(self, now: float, force: float, strain: float, pressure: Any,
             off_target: bool = False) -> str:
-        """Take readings (N, 1, Pa gauge); return what is wrong, empty while nothing is."""
+        """
+        Check one sample of the readings; return the fault as text, empty if there is none.
+
+        Parameters
+        ----------
+        now : float, s
+        force, strain : float, N and 1
+        pressure : sequence of float (n,), Pa (gauge)
+        off_target : bool
+            Controlled variable misses its target: only then a force too low is a fault.
+        """
         low = high = 0.0
         for unit, shown in enumerate(pressure):
             ends = [self._unit_force(unit, strain, max(end, 0.0)) for end in (
                 shown * (1.0 - self.RATIO) - self.OFFSET, shown,
                 shown * (1.0 + self.RATIO) + self.OFFSET)]
             low += min(ends)
-            # Models know push-back least: a motor unit that should push may as well be slack.
+            # Push-back is the least certain part of a model: the motor unit may also be slack.
             high += max(*ends, 0.0)
         above = force > high + self._tolerance
         below = off_target and force < low - self._tolerance

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The inverse of the bundle: a force demand at the measured strain -> one gauge pressure per unit.
+Inverse model of the bundle: from a force demand at the measured strain to a pressure per unit.
 
-Objects for `curves` and `inverse`, where the work is done.
+Objects around the kernels of `curves` and `inverse`.
 """
 
 from collections.abc import Sequence
@@ -38,9 +38,9 @@ class Allocation:
     ----------
     pressure : ndarray (n,), Pa (gauge)
     force : ndarray (n,), N
-        What the model gives for them, per motor unit.
+        Model force of each motor unit at these pressures.
     missing : float, N
-        Demand minus the force that the pressures give: not 0 when out of reach.
+        Demand minus the force at these pressures: not 0 when the demand is out of reach.
     """
 
     pressure: np.ndarray
@@ -51,13 +51,13 @@ class Allocation:
 @dataclass(frozen=True)
 class Instant:
     """
-    What the model is asked about: strain, rate, and the memory it has.
+    Operating point of the model: strain, rate and memory.
 
     Attributes
     ----------
     strain, strain_rate : float, and 1/s
     memory : dict, optional
-        From `Bundle.step`; without it the forces at equilibrium.
+        From `Bundle.step`; without it forces at equilibrium.
     dt : float, s
     """
 
@@ -107,17 +107,17 @@ class Curves:
         Parameters
         ----------
         demand : float, N
-            Of the whole bundle.
+            Demand on the whole bundle.
         units : sequence of int
             Active units, first to be filled first.
         fixed : dict, optional
-            Pressures (Pa) of further units, say one that is just being filled; others are at 0.
+            Prescribed pressures (Pa) of further units, e.g. crossing ones; others are at 0.
         """
         return self._solve(fill, demand, units, fixed)
 
     def share(self, demand: float, units: Sequence[int],
               fixed: dict[int, float] | None = None) -> Allocation:
-        """Give the units of use one common pressure (at most their limit); else as `fill`."""
+        """Give all useful units one common pressure (at most their limit); else as `fill`."""
         return self._solve(share, demand, units, fixed)
 
     def _solve(self, kernel, demand, units, fixed):
@@ -130,13 +130,13 @@ class Curves:
 
 class Allocator:
     """
-    Makes the `Curves` of a bundle, tick by tick.
+    Computes the `Curves` of a bundle in each tick.
 
     Parameters
     ----------
     bundle : Bundle
     neglect : bool
-        Reckon without resistive forces: the inverse that ideal models lead to.
+        Neglect resistive forces: the inverse of ideal models.
     max_pressure : ndarray (n,), Pa (gauge), optional
         Lower limits than those of the model file.
     order : sequence of int, optional
@@ -178,7 +178,7 @@ class Allocator:
         """
         Return the curves of an instant.
 
-        ``asleep`` (n,) of bool tells which units were of no use before: see `CurveTable.useful`.
+        ``asleep`` (n,) of bool: units that were not useful before, see `CurveTable.useful`.
         """
         table = curve_table(self.order, self.grid, self.pushes_back)
         memory = instant.memory
@@ -205,7 +205,7 @@ def allocate(bundle: Bundle, demand: float, strain: float, state: int,
     demand : float, N
     strain : float
     state : int
-        0..n: how many motor units are active.
+        Number of active motor units, 0..n.
     strain_rate : float, 1/s
     scheme : str
         ``orderly``, ``batch`` or ``all_on``: those that invert the model.

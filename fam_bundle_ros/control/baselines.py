@@ -1,13 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Two schemes without a model, to compare with: one pressure for all units, and orderly switching.
+Two schemes without a model, for comparison: one pressure for all units, and orderly switching.
 
-Both are a PI controller on the error of force or strain. ``equal_pressure`` gives its answer to
-all motor units alike (a single equivalent motor unit). ``threshold`` fills them in turn (orderly
+Both are a PI controller on the error of force or strain. ``equal_pressure`` applies its output to
+all motor units (a single equivalent motor unit). ``threshold`` fills them in turn (orderly
 recruitment after Jenkins, Chapman, Bryant 2016, Smart Mater. Struct. 25, 125016): when a unit has
-reached its limit and the error asks for more, the next one begins; when it is empty and the error
-asks for less, the one before goes on; a dwell time keeps it from chattering. Kernels.
+reached its limit and the error is positive, the next one starts; when it is empty and the error is
+negative, the one before continues; a dwell time prevents chattering. Kernels.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from fam_bundle_ros.errors import InputError
 
 #: Pa: a unit this close to its limit is full, this close to ambient empty.
 _END = 500.0
-#: Contraction at which the force is scaled; twice that is what a muscle reaches.
+#: Contraction at which the force range is taken; a muscle reaches about twice that.
 _STRAIN = 0.1
 
 
@@ -33,8 +33,8 @@ class BaselineConfig:
     """
     Gains of the schemes ``equal_pressure`` and ``threshold``.
 
-    The error is in units of what all motor units together give from empty to full (of 0.2 for a
-    strain), the answer in units of their largest pressure: gains hold for bundles of any size.
+    The error is relative to the force range of all motor units from empty to full (to 0.2 for a
+    strain), the output relative to their largest pressure: gains apply to bundles of any size.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ class BaselineConfig:
     strain_gain : float
     strain_integral : float, 1/s
     filter_time : float, s
-        Of the reading.
+        Low-pass filter of the reading.
     dwell : float, s
-        Of ``threshold``: least time between two switches.
+        Least time between two switches of ``threshold``.
     """
 
     force_gain: float = 0.3
@@ -65,7 +65,7 @@ class BaselineConfig:
 
 @dataclass
 class BaselineSettings:
-    """`BaselineConfig` as kernels take it; force (N) and strain that full pressure gives."""
+    """`BaselineConfig` as kernels take it; ranges of force (N) and strain."""
 
     force_gain: float
     force_integral: float
@@ -75,7 +75,7 @@ class BaselineSettings:
     dwell: float
     force_range: float
     strain_range: float
-    #: Share of the whole that each unit gives, (n,).
+    #: Share of each unit in the force range, (n,).
     share: list
 
 
@@ -87,13 +87,13 @@ class BaselineState:
     Attributes
     ----------
     reading : float, N or 1
-        Force or strain, filtered; of which ``kind``, -1 for none yet.
+        Force or strain (by ``kind``, -1 for none yet), filtered.
     integral : float
-        Of largest pressure: for all units, or for the one that is being filled.
+        Integral, relative to the largest pressure: for all units, or for the one being filled.
     state : int
-        k of RSk: units that are on.
+        k of RSk: number of active units.
     since : float, s
-        Since the last switch.
+        Time since the last switch.
     """
 
     reading: float = 0.0
@@ -111,7 +111,7 @@ def baseline_settings(config: BaselineConfig, bundle: Any, limit: Any) -> Baseli
     ----------
     config : BaselineConfig
     bundle : Bundle
-        What a data sheet tells: what full pressure gives at a middling contraction.
+        Gives only data of a data sheet: force at full pressure and medium contraction.
     limit : ndarray (n,), Pa (gauge)
     """
     force = bundle.unit_forces(_STRAIN, limit) - bundle.unit_forces(_STRAIN, 0.0 * limit)
@@ -121,7 +121,7 @@ def baseline_settings(config: BaselineConfig, bundle: Any, limit: Any) -> Baseli
 
 
 def forget_baseline(state: Any) -> None:
-    """Start afresh, vented."""
+    """Reset to vented."""
     state.reading = state.integral = 0.0
     state.kind, state.state, state.since = -1, 0, math.inf
 
@@ -135,11 +135,11 @@ def baseline_step(settings: Any, state: Any, equal: bool, order: Any, limits: An
     ----------
     settings, state : BaselineSettings, BaselineState
     equal : bool
-        One pressure for all, else units in turn.
+        One pressure for all units, else units in turn.
     order : vector (n,) of int
     limits : vector (n,), Pa (gauge)
     still : float, Pa
-        Pressures change only when they would by more.
+        Half-width of the backlash of the pressures.
     measurement, kind, value, dt, command
         As for `recruitment_loop.recruitment_step`.
     """
@@ -167,7 +167,7 @@ def baseline_step(settings: Any, state: Any, equal: bool, order: Any, limits: An
     command.state, command.demand = state.state, value
     if before != state.state and not equal:
         command.reason.why, command.reason.state = FULL if state.state > before else EMPTY, before
-    tell(state, order, limits, answer, error, command)
+    write_state(state, order, limits, answer, error, command)
 
 
 def highest(values: Any) -> float:
@@ -179,7 +179,7 @@ def highest(values: Any) -> float:
 
 
 def pi_answer(state: Any, proportional: float, step: float) -> float:
-    """Return the answer of a PI controller, 0..1; its integral stops at either end."""
+    """Return the output of a PI controller, 0..1; anti-windup at both limits."""
     answer = proportional + state.integral
     if not ((answer >= 1.0 and step > 0.0) or (answer <= 0.0 and step < 0.0)):
         state.integral += step
@@ -188,14 +188,24 @@ def pi_answer(state: Any, proportional: float, step: float) -> float:
 
 def in_turn(settings: Any, state: Any, order: Any, limits: Any, proportional: float, step: float,
             dt: float) -> float:
-    """Return the answer for the unit that is being filled, 0..1, after switching if need be."""
+    """
+    Switch if needed; return the output for the unit that is being filled, 0..1.
+
+    Parameters
+    ----------
+    settings, state : BaselineSettings, BaselineState
+    order, limits : vector (n,) of int, and of Pa (gauge)
+    proportional, step : float
+        Proportional part for all units, and change of the integral, in largest pressures.
+    dt : float, s
+    """
     n = len(limits)
     if state.state == 0 and step > 0.0:
         state.state, state.integral, state.since = 1, 0.0, math.inf
     state.since += dt
     if state.state == 0:
         return 0.0
-    # One unit answers where all would: its share of the force is less.
+    # One unit acts instead of all: scale by its smaller share of the force.
     share = settings.share[order[state.state - 1]]
     proportional, step = proportional / share, step / share
     answer = pi_answer(state, proportional, step)
@@ -211,14 +221,15 @@ def in_turn(settings: Any, state: Any, order: Any, limits: Any, proportional: fl
 
 
 def play(command: Any, unit: int, pressure: float, limit: float, still: float) -> None:
-    """Write a pressure with changes inside the quiet band left out; empty and full are exact."""
+    """Write a pressure (Pa) behind a backlash of ``still``; 0 and the limit are exact."""
     if 0.0 < pressure < limit:
         pressure = max(min(max(command.pressure[unit], pressure - still), pressure + still), 0.0)
     command.pressure[unit] = pressure
 
 
-def tell(state: Any, order: Any, limits: Any, answer: float, error: float, command: Any) -> None:
-    """Write down which units are on, and whether the demand is out of reach."""
+def write_state(state: Any, order: Any, limits: Any, answer: float, error: float, command: Any
+                ) -> None:
+    """Write the active units, and whether the demand is out of reach."""
     n, total = len(limits), 0.0
     for k in range(n):
         total += command.pressure[order[k]]

@@ -11,20 +11,20 @@ from fam_bundle_ros.model import Bundle
 
 class Belief(NamedTuple):
     """
-    A model behind the recruitment controller: see `fam_bundle_ros.model.seam.Model`.
+    Model of the recruitment controller: see `fam_bundle_ros.model.seam.Model`.
 
     Attributes
     ----------
     force, shape, parameters, tables, memory, after
-        As there; ``after`` is room for candidates here.
+        As there; ``after`` is work space here.
     next : (n, M)
         Memory after this tick.
     pressure : (n,), Pa (gauge)
-        Room for candidates.
+        Work space for candidate pressures.
     curve : C function or None
         Forces of one unit at all pressures of the table; see `fam_bundle_ros.model.seam.CURVE`.
     rows : callable or None
-        Forces (m, n) of the whole table at a `Moment` with a memory, by one call on arrays; not
+        Forces (m, n) of the whole table at a `Moment` with a memory, in one call on arrays; not
         compiled.
     """
 
@@ -41,7 +41,7 @@ class Belief(NamedTuple):
 
 
 def without_push_back(bundle: Bundle) -> Bundle:
-    """Return a bundle without the laws that let compressed muscles push back."""
+    """Return a bundle without the laws of push-back."""
     for effect in bundle.effects:
         if effect.law.pushes_back:
             bundle = bundle.without_effect(effect.name)
@@ -51,7 +51,7 @@ def without_push_back(bundle: Bundle) -> Bundle:
 def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
               at_rest: bool = False) -> Belief:
     """
-    Return a bundle as kernels take it, with fresh memory.
+    Return a bundle as kernels take it, with initial memory.
 
     Parameters
     ----------

@@ -4,8 +4,8 @@
 The recruitment controller: a force or strain reference in, one gauge pressure per motor unit out.
 
 Each tick: reference and readings give a force demand (`outer`), the model's curves at this strain
-are worked out (`allocation`), the state machine decides (`recruitment`), and the demand is spread
-over the active units while a unit that is being crossed follows its own path.
+are computed (`allocation`), the state machine switches (`recruitment`), and the demand is
+allocated to the active units, while a crossing unit follows its own trajectory.
 """
 
 from collections.abc import Sequence
@@ -58,10 +58,10 @@ class ControllerConfig:
         ``neglect``, ``hysteresis`` or ``reversal_aware``: see `SwitchingConfig`.
     scheme : str
         ``orderly``: a unit to its limit before the next; ``batch``: all active units at one
-        pressure; ``all_on``: all units always, at one pressure. Without a model, to compare with
+        pressure; ``all_on``: all units always, at one pressure. Without a model, for comparison
         (see `fam_bundle_ros.control.baselines`): ``equal_pressure``, ``threshold``.
     order : sequence of int, optional
-        Of recruitment, from 0; that of the model file by default.
+        Order of recruitment, units from 0; that of the model file by default.
     max_pressure : sequence of float, Pa (gauge), optional
         Limits below those of the model file.
     switching : SwitchingConfig
@@ -71,13 +71,14 @@ class ControllerConfig:
     baseline : BaselineConfig
         Gains of ``equal_pressure`` and ``threshold``.
     load : LoadModel
-        What is known of the load, for strain references.
+        Model of the load, for strain references.
     adaptation : AdaptationConfig
         Online adaptation of the gains and the bias of the model.
     still : float, Pa
-        Pressures change only when they would by more than this: no air for sensor noise.
+        Backlash of the pressures: a pressure is held while it would change by less than this, so
+        that no air is used for sensor noise.
     hold_time : float, s
-        Readings that are not finite hold the pressures so long, then everything is vented.
+        Readings that are not finite hold the pressures for this time, then all units are vented.
     """
 
     policy: str = 'reversal_aware'
@@ -93,7 +94,7 @@ class ControllerConfig:
     hold_time: float = HOLD_TIME
 
     def __post_init__(self):
-        """Refuse what cannot be meant."""
+        """Check the ranges of the settings."""
         if self.scheme not in SCHEMES:
             raise InputError(f"scheme is '{self.scheme}'; expected one of {', '.join(SCHEMES)}")
         for name in ('hold_time', 'still'):
@@ -135,7 +136,7 @@ class RecruitmentController:
         self.reset()
 
     def reset(self) -> None:
-        """Start afresh: RS0, nothing learnt."""
+        """Reset to RS0 and to the model without adaptation."""
         #: The records that `recruitment_step` takes.
         self.memory = recruitment_state(self.order, self._allocator.grid,
                                         self._allocator.pushes_back)
@@ -147,12 +148,12 @@ class RecruitmentController:
 
     def belief(self, compiled: bool = False) -> Belief:
         """
-        Return the inverted model for `recruitment_step`, with fresh memory.
+        Return the inverted model for `recruitment_step`, with initial memory.
 
         Raises
         ------
         fam_bundle_ros.kernels.NotCompiled
-            Where numba is not there, or cannot compile a user's effect.
+            If numba is not installed, or cannot compile a user's effect.
         """
         return belief_of(self._allocator.inverted, self._allocator.grid, compiled)
 
@@ -163,7 +164,7 @@ class RecruitmentController:
 
     @property
     def outer(self) -> OuterState:
-        """Memory of the force and strain loops, say their ``bias``, N."""
+        """Memory of the force and strain loops, for instance their ``bias``, N."""
         return self.memory.outer
 
     @property
@@ -173,15 +174,15 @@ class RecruitmentController:
 
     def enable(self, measurement: Measurement) -> None:
         """
-        Start from the pressures as they are, so that switching on makes no bump.
+        Start from the present pressures and force (bumpless transfer).
 
-        The force that is there now is taken over and fades into the demand.
+        The difference of this force from the demand decays with `OuterConfig.fade_time`.
         """
         enable_step(self.settings, self.model, self.memory, self._read(measurement), self._record)
         self._command = self._told()
 
     def keep_learnt(self, other: 'RecruitmentController') -> None:
-        """Go on with what another controller of the same bundle has learnt of the model."""
+        """Take over the adaptation of another controller of the same bundle."""
         if self.settings.adaptation == other.settings.adaptation:
             self.memory.adaptation = other.memory.adaptation
             self.memory.table.pull[:] = other.memory.table.pull
@@ -194,7 +195,7 @@ class RecruitmentController:
         Parameters
         ----------
         dt : float, s
-            Since the update before; not positive (a clock that jumped) repeats the last command.
+            Time since the last update; if not positive (clock reset) the command is repeated.
         measurement : Measurement
         reference : Reference
 
@@ -222,7 +223,7 @@ class RecruitmentController:
                                  float(measurement.strain_rate), pressure.tolist())
 
     def _told(self):
-        """Return the command with arrays and words."""
+        """Return the command with arrays and text."""
         record = self._record
         return Command(np.array(record.pressure), record.state, np.array(record.active, bool),
                        np.array(record.share), SATURATION[record.saturated],

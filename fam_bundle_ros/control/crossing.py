@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The way of motor units through their falling branch, in step with those that compensate."""
+"""Crossings: units pass their falling branch while the other units compensate the force dip."""
 
 from dataclasses import dataclass
 import math
@@ -8,26 +8,26 @@ from typing import Any
 
 from fam_bundle_ros.control.curves import slope_at
 
-#: Time over which a crossing gathers and loses speed, s: both units lag alike only when smooth.
+#: s: acceleration time of a crossing; units lag by equal amounts only at smooth rates.
 _EASE = 0.01
-#: How many times faster than `SwitchingConfig.crossing_rate` a crossing may be in a hurry, and
-#: when the others cannot compensate.
+#: Largest pace over `SwitchingConfig.crossing_rate` when the demand is urgent, and when the other
+#: units cannot compensate.
 _HURRY, _RUSH = 4.0, 20.0
 
 
 @dataclass
 class Crossings:
     """
-    Units on their way through the falling branch.
+    Units that are crossing their falling branch.
 
     Attributes
     ----------
     unit : list (n,) of int
-        The first ``count`` of them are on their way, in the order in which they began.
+        The first ``count`` are crossing, in the order in which they began.
     up : list (n,) of int
-        Of each unit: 1 when it is being filled.
+        1 for each unit that is being filled.
     pressure, speed, pace : list (n,), Pa (gauge) and Pa/s
-        Of each unit: where it is, how fast, and how fast it may be.
+        Pressure, present rate and normal rate of each unit.
     """
 
     count: int
@@ -39,12 +39,12 @@ class Crossings:
 
 
 def no_crossings(n: int) -> Crossings:
-    """Return the record of n units, none on its way."""
+    """Return an empty record for n units."""
     return Crossings(0, [0] * n, [0] * n, [0.0] * n, [0.0] * n, [0.0] * n)
 
 
 def is_crossing(crossings: Any, unit: int) -> bool:
-    """Return whether a unit is on its way."""
+    """Return whether a unit is crossing."""
     for k in range(crossings.count):
         if crossings.unit[k] == unit:
             return True
@@ -52,7 +52,7 @@ def is_crossing(crossings: Any, unit: int) -> bool:
 
 
 def begin_crossing(crossings: Any, unit: int, up: bool, pressure: float, pace: float) -> None:
-    """Send a unit on its way from a pressure (Pa); ``pace`` from `crossing_pace`."""
+    """Start a crossing at a pressure (Pa); ``pace`` (Pa/s) from `crossing_pace`."""
     if not is_crossing(crossings, unit):
         crossings.unit[crossings.count] = unit
         crossings.count += 1
@@ -61,7 +61,7 @@ def begin_crossing(crossings: Any, unit: int, up: bool, pressure: float, pace: f
 
 
 def end_crossing(crossings: Any, k: int) -> None:
-    """Take out the k-th of those on their way."""
+    """Remove the k-th crossing."""
     crossings.count -= 1
     for j in range(k, crossings.count):
         crossings.unit[j] = crossings.unit[j + 1]
@@ -70,18 +70,18 @@ def end_crossing(crossings: Any, k: int) -> None:
 def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, short: bool
             ) -> bool:
     """
-    Move a unit on by one tick; return whether it has arrived.
+    Move a crossing unit by one tick; return whether it has arrived.
 
     Trapezoidal speed: v' at most pace/`_EASE`, v at most sqrt(2 v' distance).
 
     Parameters
     ----------
     target : float, Pa (gauge)
-        Where it is to end.
+        Final pressure of the crossing.
     ratio : float
         Pressure change that the compensating unit needs per change of this one.
     short : bool
-        The others cannot compensate: be through as fast as the valve goes.
+        The others cannot compensate: cross as fast as the valve allows.
     """
     pace = crossings.pace[unit]
     limit = _RUSH * pace if short else pace / max(1.0, ratio)
@@ -98,25 +98,35 @@ def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, s
 def crossing_pace(table: Any, unit: int, rate: float, spare: float, usual: float, patience: float
                   ) -> float:
     """
-    Return the pressure rate at which to bring a unit through its falling branch, Pa/s.
+    Return the pressure rate of a unit's crossing, Pa/s.
 
-    Slowly enough for the feedback where there is time; faster where the demand (rising by
-    ``rate``, N/s) would meanwhile use up what the others have to ``spare`` (N). ``usual`` is
-    `SwitchingConfig.crossing_rate`, ``patience`` (s) from `hand_over_time`.
+    Slow enough for the feedback where there is time; faster where the demand would meanwhile use
+    up the reserve of the other units.
+
+    Parameters
+    ----------
+    table : CurveTable
+    unit : int
+    rate, spare : float, N/s and N
+        Rate of the demand; reserve of the other units.
+    usual : float, Pa/s
+        `SwitchingConfig.crossing_rate`.
+    patience : float, s
+        From `hand_over_time`.
     """
     bottom = table.bottom_pressure[unit]
     hurry = bottom * max(rate, 0.0) / max(spare, 0.1)
-    # Never so slowly that it could not be through in time when the others are spent.
+    # Not so slow that it could not be finished in time once the others are saturated.
     slow = max(bottom / patience, usual / _RUSH) if patience > 0.0 else usual
     return min(max(min(usual, slow), hurry), _HURRY * usual)
 
 
 def hand_over_time(doubt: float, noise: float, lag: float) -> float:
     """
-    Return how long a hand-over must take for the feedback to keep up, s.
+    Return the duration of a crossing that the feedback can follow, s.
 
-    An error that grows by ``doubt`` (N) in this time is behind a loop of ``lag`` (s) by no more
-    than the ``noise`` (N) that the readings leave in its estimate: doubt / time * lag = noise.
+    Where an error grows by ``doubt`` (N) in this time, a loop with ``lag`` (s) is behind it by no
+    more than the ``noise`` (N) of its estimate: doubt / time * lag = noise.
 
     Examples
     --------
@@ -128,10 +138,10 @@ def hand_over_time(doubt: float, noise: float, lag: float) -> float:
 
 def doubt_of(state: Any) -> float:
     """
-    Return how far off the force may be while a unit is on its way, N.
+    Return the uncertainty of the force while a unit is crossing, N.
 
-    In doubt are the push-back that is crossed, by its standard deviation, and the bias: it was
-    found with other units at work.
+    From the standard deviation of the push-back that is crossed, and the bias, which was found
+    with other units active.
     """
     outer, learnt, dip = state.outer, state.adaptation, 0.0
     n = len(state.table.order)
@@ -141,7 +151,7 @@ def doubt_of(state: Any) -> float:
 
 
 def crossing_time(table: Any, unit: int, rate: float, usual: float, patience: float) -> float:
-    """Return about how long it takes to bring a unit to the bottom of its branch, s."""
+    """Return the approximate time to fill a unit to its bottom, s; see `crossing_pace`."""
     slope = 0.0
     for other in range(len(table.order)):
         if other != unit:

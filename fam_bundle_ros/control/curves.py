@@ -5,7 +5,7 @@ Force over pressure of every motor unit at one instant, as kernels.
 
 At one strain the force of a motor unit over its own pressure first falls (it pushes back more
 and more) and then rises (Kim, Mazzoleni and Bryant 2021, SPIE 11586: free strain gradient
-reversal). `tabulate` and `find_branches` make the curves of one tick; `inverse` answers with
+reversal). `tabulate` and `find_branches` make the curves of one tick; `inverse` computes
 pressures on their rising branches. `allocation` has the same as objects.
 """
 
@@ -17,19 +17,19 @@ import numpy as np
 
 from fam_bundle_ros.kernels import Alternative
 
-#: A unit that could only pull less than when vented comes back when it could pull more by this
-#: share of its push-back, and by so many N: strain noise must not fill and empty it in turn.
+#: Hysteresis: a unit that was not useful becomes so when it adds more than this share of its
+#: push-back, and more than this force (N), so that strain noise does not toggle it.
 _WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
-#: N: forces that differ by less are one bottom: where a slack or threshold makes a curve flat.
+#: N: smaller differences of force count as equal where slack or a threshold makes a curve flat.
 FLAT = 1e-9
 
 
 @dataclass
 class Moment:
     """
-    What the model is asked about: strain (1), its rate (1/s), time and step (s).
+    Operating point of the model: strain (1), its rate (1/s), time and step (s).
 
-    ``start`` is true where memory begins afresh.
+    ``start`` is true where the model's memory is reset.
     """
 
     strain: float = 0.0
@@ -49,31 +49,31 @@ class CurveTable:
     order : list (n,) of int
         Units in the order of recruitment: RSk has the first k of them.
     pushes_back : bool
-        False for a controller that reckons without resistive forces: none below zero.
+        False for a controller that neglects resistive forces: no force is below zero.
     moment : Moment
     pull, push : list (n,)
-        What the model's tension and push-back of each unit are multiplied with.
+        Factors on the model's tension and push-back of each unit.
     grid, force : list (n, m), Pa (gauge) and N
         From 0 to each unit's limit.
     rest_force : list (n,), N
         At zero pressure.
     useful : list (n,) of int
-        1 for units that can pull more than when vented: past the free strain none can, their
-        curves only fall. The others have no branch to be on and stay empty.
+        1 for units that can pull more than when vented. The others (past the free strain, where
+        curves only fall) have no rising branch and stay empty.
     bottom : list (n,) of int
-        Index of the beginning of the rising branch.
+        Index of the start of the rising branch.
     bottom_force, bottom_pressure : list (n,), N and Pa
     top_force : list (n,), N
         At the limit.
     dip : list (n,), N
-        How far the force falls while the unit fills.
+        Drop of the force from zero pressure to the bottom.
     top, floor : list (n + 1,), N
         Largest and smallest force of RS0..RSn on rising branches.
     lowered : list (n,) of int
-        1 for units that are below their bottoms on the line of their rising branch (`line_at`).
+        1 for units below their bottoms, on the line of their rising branch (`line_at`).
     crossing : list (n,), N
-        Largest demands at which RSk -> RSk+1 needs no dip: up to there the units before the next
-        have the room to make up for its push-back.
+        Largest demands at which RSk -> RSk+1 causes no dip: up to there the active units have the
+        reserve to compensate for the push-back of the next one.
     """
 
     order: list
@@ -144,7 +144,7 @@ def _by_unit(table: Any, model: Any) -> None:
 
 
 def _by_rows(table: Any, model: Any) -> None:
-    """Do the same by one call on arrays, where the model has one."""
+    """Fill the table by one call on arrays, for plain Python."""
     force = model.rows(table.moment, model.memory)
     push = np.array(table.push) if table.pushes_back else 0.0
     force = np.where(force > 0.0, np.array(table.pull), push) * force
@@ -165,7 +165,7 @@ def find_branches(table: Any, asleep: Any) -> None:
     ----------
     table : CurveTable
     asleep : list (n,) of int
-        1 for units that were of no use in the tick before; brought up to date.
+        1 for units that were not useful in the tick before; updated.
     """
     last, total = len(table.grid[0]) - 1, 0.0
     for unit in range(len(table.order)):
@@ -237,9 +237,9 @@ def slope_at(table: Any, unit: int, pressure: float) -> float:
 
 def reach_below(table: Any, unit: int) -> float:
     """
-    Return how much less than at its bottom a unit gives when empty, N, if its branch went on.
+    Return the drop of a unit's force from its bottom to zero pressure on a straight line, N.
 
-    Along the line that joins both ends of the rising branch.
+    The line through both ends of the rising branch, extrapolated to zero pressure.
     """
     bottom, top = table.bottom_pressure[unit], table.grid[unit][-1]
     if table.useful[unit] == 0 or not bottom < top:
@@ -248,11 +248,11 @@ def reach_below(table: Any, unit: int) -> float:
 
 
 def on_line(table: Any, unit: int, pressure: float) -> bool:
-    """Return whether a unit that is lowered follows that line at a pressure read (Pa)."""
+    """Return whether a lowered unit follows the line of `reach_below` at a measured pressure."""
     return table.lowered[unit] > 0 and max(pressure, 0.0) < table.bottom_pressure[unit]
 
 
 def line_at(table: Any, unit: int, pressure: float) -> float:
-    """Return the force of a unit at a pressure (Pa) below its bottom on that line, N."""
+    """Return the force of a unit on the line of `reach_below`, N, at a pressure (Pa)."""
     short = 1.0 - pressure / table.bottom_pressure[unit]
     return table.bottom_force[unit] - reach_below(table, unit) * short

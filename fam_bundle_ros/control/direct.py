@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pressures that are asked for by themselves, without a model: for experiments."""
+"""Direct pressure references, without a model, for experiments."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from fam_bundle_ros.model import Bundle
 
 #: Pa: above it a motor unit counts as on.
 _ON = 2e3
-#: Share above a limit that is rounding (50 psi are 344.74 kPa, not 344.7): the limit is meant.
+#: Relative excess over a limit that counts as rounding (50 psi are 344.74 kPa, not 344.7).
 ROUNDING = 1e-3
 
 
 class DirectPressures:
     """
-    Passes pressure references on, as `RecruitmentController` works pressures out of others.
+    Pass pressure references on, with the interface of `RecruitmentController`.
 
     Parameters
     ----------
     bundle : Bundle
         Its largest pressures are the limits.
     fade_time : float, s
-        Over which pressures that were taken over fade into those that are asked for.
+        Transition time from the initial pressures to the reference (bumpless transfer).
     hold_time : float, s
-        Readings that are not finite hold the pressures so long, then everything is vented.
+        Readings that are not finite hold the pressures for this time, then all units are vented.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class DirectPressures:
         self._fade = self._lost = 0.0
 
     def enable(self, measurement: Measurement) -> None:
-        """Start from the pressures as they are, so that switching on makes no bump."""
+        """Start from the present pressures (bumpless transfer)."""
         self._taken = np.clip(np.nan_to_num(measurement.pressure), 0.0, self._limit)
         self._now = self._taken.copy()
         self._fade, self._lost = 1.0, 0.0
@@ -64,10 +64,10 @@ class DirectPressures:
         Parameters
         ----------
         dt : float, s
-            Since the update before; not positive (a clock that jumped) repeats the last command.
+            Time since the last update; if not positive (clock reset) the command is repeated.
         measurement : Measurement
         reference : Reference
-            Of the kind ``pressure``.
+            Reference of the kind ``pressure``.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class DirectPressures:
         return Command(self._now.copy(), int(active.sum()), active, np.zeros(len(asked)))
 
     def checked(self, reference: Reference) -> np.ndarray:
-        """Return the pressures of a reference, Pa, shape (n,); InputError where they are none."""
+        """Return the pressures of a reference, (n,), Pa; InputError where they are invalid."""
         if reference.kind != 'pressure':
             raise InputError(f"reference kind is '{reference.kind}'; expected pressure")
         asked = np.asarray(reference.pressure, float)

@@ -1,14 +1,14 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What dry friction will take when a strain turns round, learnt from what was seen before.
+Compensation of dry friction at reversals of the strain, learnt from previous reversals.
 
-The model's error (measured less believed force) jumps by twice the friction where a motion turns
-round, and at rest it lies between. How wide that band is shows at turns, and at rest when the load
-changes and nothing moves. When the reference begins to move, the demand takes the error that the
-motion will have, and not when the strain has been left behind (friction compensation:
+The model's error (measured minus model force) jumps by twice the friction where a motion reverses,
+and lies in between at rest. The width of that band shows at reversals, and at rest when the load
+changes and nothing moves. When the reference begins to move, the demand is corrected at once by
+the error that the motion will have, before the strain lags behind (friction compensation:
 Armstrong-Helouvry, Dupont and Canudas de Wit 1994, Automatica 30, 1083). Other errors of the model
-are alike before and after a turn, and cancel. Kernels.
+are equal before and after a reversal, and cancel. Kernels.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from typing import Any
 
 from fam_bundle_ros.control.observer import low_pass
 
-#: An error has settled after so many lags of the observer: all but 5 % of what was before.
+#: Settling time of an error to 5 %, in lags of the observer.
 _SETTLED = 3.0
-#: Errors that differ by less than so many standard deviations are noise.
+#: Significance threshold of a difference of errors, in standard deviations.
 _SURELY = 3.0
 
 
@@ -33,13 +33,13 @@ class FrictionState:
     low, high : float, N
         Error of the model while the strain rises, and while it falls.
     reckoned : float, N
-        Error that the demand reckons with.
+        Error for which the demand is corrected.
     side : int
         Direction of the last motion, 0 before the first.
     moving, heading : int
         Directions of strain and reference now, 0 at rest.
     since : float, s
-        Since ``moving`` changed.
+        Time since ``moving`` changed.
     """
 
     low: float = 0.0
@@ -52,7 +52,7 @@ class FrictionState:
 
 
 def forget_friction(state: Any) -> None:
-    """Begin anew."""
+    """Reset."""
     state.low = state.high = state.reckoned = state.since = 0.0
     state.side = state.moving = state.heading = 0
 
@@ -60,15 +60,15 @@ def forget_friction(state: Any) -> None:
 def learn_friction(state: Any, direction: int, error: float, noise: float, lag: float, dt: float
                    ) -> None:
     """
-    Learn from the model's error now.
+    Update with the present error of the model.
 
     Parameters
     ----------
     state : FrictionState
     direction : int
-        Of the strain's motion: 1, -1, or 0 at rest.
+        Direction of the strain: 1, -1, or 0 at rest.
     error, noise : float, N
-        Measured less believed force, seen with a ``lag`` (s); its standard deviation.
+        Measured minus model force, observed with a ``lag`` (s); its standard deviation.
     dt : float, s
 
     Examples
@@ -90,8 +90,8 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
             state.high = max(state.high, error - _SURELY * noise)
         return
     if direction == state.side:
-        # What the model misses besides is alike both ways. It changes slowly: that a motion has
-        # turned round is seen late.
+        # Other errors of the model are equal in both directions. They are followed slowly, since a
+        # reversal is detected late.
         change = low_pass(dt, _SETTLED * lag) * (
             error - (state.low if direction > 0 else state.high))
         state.low, state.high = state.low + change, state.high + change
@@ -106,13 +106,13 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
 
 def turn_round(state: Any, rate: float, error: float, lag: float, dt: float) -> float:
     """
-    Return by how much the model's error will change now that a reference moves, N.
+    Return the change of the model's error to be expected as a reference starts or reverses, N.
 
     Parameters
     ----------
     state : FrictionState
     rate : float, 1/s
-        Of the reference.
+        Rate of the reference.
     error, lag, dt : float, N, s and s
         As for `learn_friction`.
 
@@ -123,7 +123,7 @@ def turn_round(state: Any, rate: float, error: float, lag: float, dt: float) -> 
     [5.0, 0.0]
     """
     if rate == 0.0:
-        # At rest friction may be anything between: it shows.
+        # At rest friction may take any value in the band: follow the observed error.
         state.heading = 0
         state.reckoned += low_pass(dt, lag) * (error - state.reckoned)
         return 0.0
@@ -131,7 +131,7 @@ def turn_round(state: Any, rate: float, error: float, lag: float, dt: float) -> 
     if heading == state.heading:
         return 0.0
     state.heading = heading
-    # Friction takes energy: what pulls is less while the strain rises.
+    # Friction dissipates: the pull is smaller while the strain rises.
     level = min(state.reckoned, state.low) if heading > 0 else max(state.reckoned, state.high)
     way = level - state.reckoned
     change = math.copysign(min(abs(way), state.high - state.low), way)

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where signals are heading: rate, acceleration and jerk by a third-order filter."""
+"""Rate, acceleration and jerk of signals by a third-order filter."""
 
 from dataclasses import dataclass
 import math
@@ -10,10 +10,10 @@ from typing import Any
 @dataclass
 class HeadingState:
     """
-    Of some signals, a list each: the last value and slope, and what the filter says.
+    Filter state of several signals, a list each: last value and slope, and the derivatives.
 
-    ``first``, ``second`` and ``third`` (lags): on a ramp each is behind the one before by the
-    same; this is how far they are off from that, as a slope.
+    ``first``, ``second`` and ``third``: deviation of each of the three lags from its steady state
+    on a ramp, as a slope.
     """
 
     value: list
@@ -27,12 +27,12 @@ class HeadingState:
 
 
 def heading_of(count: int) -> HeadingState:
-    """Return the record of so many signals, at zero and at rest."""
+    """Return the record of ``count`` signals, at zero and at rest."""
     return HeadingState(*([0.0] * count for _ in range(8)))
 
 
 def rest_at(heading: Any, k: int, value: float) -> None:
-    """Let signal k begin at rest."""
+    """Reset signal k to a value at rest."""
     heading.value[k], heading.slope[k] = value, 0.0
     heading.first[k] = heading.second[k] = heading.third[k] = 0.0
     heading.rate[k] = heading.acceleration[k] = heading.jerk[k] = 0.0
@@ -40,13 +40,12 @@ def rest_at(heading: Any, k: int, value: float) -> None:
 
 def follow_heading(heading: Any, k: int, value: float, dt: float, bandwidth: float) -> None:
     """
-    Advance signal k by one sample; ``bandwidth`` in rad/s.
+    Advance signal k by one sample (``value``, after ``dt`` s); ``bandwidth`` in rad/s.
 
-    Three first-order lags in a row, x' = w (u - x), solved exactly for a signal that is straight
-    between two samples (first-order hold: Franklin, Powell and Workman 1998, ch. 6): neither long
-    nor uneven sample times disturb it, and a ramp shows its rate alone. The jerk is the mean over
-    the sample: at the samples alone, where the signal bends, it is off by w (w dt)^2 / 12 times
-    the acceleration.
+    Three first-order lags in series, x' = w (u - x), solved exactly for a signal that is linear
+    between two samples (first-order hold: Franklin, Powell and Workman 1998, ch. 6): exact for
+    long or uneven sample times, and a ramp gives a rate only. The jerk is the mean over the
+    sample; at the samples themselves it would be off by w (w dt)^2 / 12 times the acceleration.
     """
     w, x = bandwidth, bandwidth * dt
     slope = (value - heading.value[k]) / dt
@@ -65,7 +64,7 @@ def follow_heading(heading: Any, k: int, value: float, dt: float, bandwidth: flo
 
 
 def heading_now(heading: Any, k: int, bandwidth: float) -> tuple[float, float, float]:
-    """Return rate, acceleration and jerk with the filter's own delay, 3/w, made up for."""
+    """Return rate, acceleration and jerk, with the filter's delay of 3/w compensated."""
     lag = 3.0 / bandwidth
     acceleration, jerk = heading.acceleration[k], heading.jerk[k]
     return (heading.rate[k] + lag * (acceleration + 0.5 * lag * jerk), acceleration + lag * jerk,

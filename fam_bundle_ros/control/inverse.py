@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pressures for a force demand, on the rising branches of `curves`, as kernels."""
+"""Inverse model: pressures for a force demand, on the rising branches of `curves`. Kernels."""
 
 from dataclasses import dataclass
 import math
@@ -8,8 +8,8 @@ from typing import Any
 
 from fam_bundle_ros.control.curves import FLAT, force_at, reach_below, unit_force
 
-#: A cell of the table is halved so often: a muscle that leaves its free strain has a kink there
-#: of up to 20 N/kPa.
+#: Bisections within a cell of the table: at its free strain a muscle's curve has a kink of up to
+#: 20 N/kPa.
 _HALVINGS = 6
 
 
@@ -54,8 +54,8 @@ def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: fl
     return low + (high - low) * (wanted - low_force) / (high_force - low_force)
 
 
-def begin(table: Any, model: Any, fixed: Any, shares: Any) -> None:
-    """Set the pressures that are given (not nan in ``fixed``), and all others at rest."""
+def set_fixed(table: Any, model: Any, fixed: Any, shares: Any) -> None:
+    """Set the prescribed pressures (not nan in ``fixed``), and all others to zero."""
     for unit in range(len(table.order)):
         if math.isnan(fixed[unit]):
             shares.pressure[unit], shares.force[unit] = 0.0, table.rest_force[unit]
@@ -84,15 +84,15 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
     ----------
     table, model : CurveTable, Belief
     demand : float, N
-        Of the whole bundle.
+        Demand on the whole bundle.
     units : list of int
         The first ``count`` of them are active, first to be filled first.
     fixed : list (n,), Pa
-        Pressures of further units, say one that is just being filled; nan for the others.
+        Prescribed pressures of further units, for instance crossing ones; nan for the others.
     shares : Shares
-        The answer.
+        Output.
     """
-    begin(table, model, fixed, shares)
+    set_fixed(table, model, fixed, shares)
     pressure, force = shares.pressure, shares.force
     for k in range(count):
         unit = units[k]
@@ -128,10 +128,10 @@ def lower(table: Any, units: Any, count: int, shares: Any) -> None:
     """
     Lower units below their bottoms for a demand that is less than they give there.
 
-    By the model that is no help. But a demand so low comes of a bundle that pulls more than its
-    model: friction holds it, or the bottom lies lower. So the last of the first ``count`` units
-    goes on down the line of its rising branch until it is empty, then the one before; with a
-    force believed on that line feedback goes on as above the bottom.
+    The model gains nothing by this. But such a demand shows that the bundle pulls more than its
+    model: by friction, or because the bottom lies lower. So the last of the first ``count`` units
+    is lowered along the line of its rising branch until it is empty, then the one before. The
+    model force follows the same line, so that feedback works as above the bottom.
     """
     for j in range(count):
         unit = units[count - 1 - j]
@@ -148,11 +148,11 @@ def lower(table: Any, units: Any, count: int, shares: Any) -> None:
 def share(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any, shares: Any
           ) -> None:
     """
-    Give the units of use one common pressure (at most their limit); else as `fill`.
+    Give all useful units one common pressure (at most their limit); else as `fill`.
 
-    Batch recruitment (Jenkins, Chapman and Bryant 2016). ``units`` is put in another order.
+    Batch recruitment (Jenkins, Chapman and Bryant 2016). ``units`` is reordered.
     """
-    begin(table, model, fixed, shares)
+    set_fixed(table, model, fixed, shares)
     used = 0
     for k in range(count):
         if table.useful[units[k]] > 0:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What online adaptation has learnt: in plain words, and as a model."""
+"""Results of the online adaptation: as sentences, and as a model."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,20 +10,20 @@ from typing import Any
 from fam_bundle_ros.control.adaptation import AdaptationSettings, AdaptationState, bound_of
 from fam_bundle_ros.model import Bundle
 
-#: Relative errors below this, offsets (N) and lags (s) are not worth a word.
+#: Relative errors, offsets (N) and lags (s) below these are not reported.
 _LITTLE, _LITTLE_FORCE, _LITTLE_LAG = 0.01, 0.2, 1e-3
 
 
 def learnt_words(settings: AdaptationSettings, state: AdaptationState, names: Sequence[str]
                  ) -> list[str]:
     """
-    Return what the model gets wrong, a sentence each: "MU1 pulls 7 % less than the model".
+    Return the learnt errors of the model, a sentence each: "MU1 pulls 7 % less than the model".
 
     Parameters
     ----------
     settings, state : AdaptationSettings, AdaptationState
     names : sequence of str
-        Of the motor units.
+        Names of the motor units.
     """
     if not settings.enabled:
         return ['adaptation is off']
@@ -54,11 +54,11 @@ def wrong_model(settings: AdaptationSettings, state: AdaptationState) -> str:
 
 def adapted_bundle(bundle: Bundle, state: AdaptationState) -> Bundle:
     """
-    Return the model with what was learnt of tension and push-back.
+    Return the model with the learnt gains of tension and push-back.
 
-    Tension goes with the cross-section of a muscle, the square of its radius. Of laws that push
-    back, loads and moments go with the push-back, and so does what is relative to the
-    cross-section. Bias and lag are no part of a model of muscles.
+    Tension is proportional to a muscle's cross-section, the square of its radius. In laws of
+    push-back, loads, moments, and shares of the cross-section are scaled by the push-back. Bias
+    and lag are not parameters of a muscle model.
     """
     n = bundle.n
     pulls = [1.0 + error for error in state.error[:n]]

@@ -1,16 +1,15 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Stiffness, damping and inertia of a load of which nothing was told, learnt as it moves.
+Online identification of an unknown load: stiffness, damping and inertia.
 
-A Kalman filter on how the measured force changes from place to place of the strain: by stiffness
-times the way, damping times the change of the rate, inertia times that of the acceleration. The
-three come from filters that force and strain pass alike (state variable filters: Young 2011,
-Recursive Estimation and Time-Series Analysis, ch. 8). A change of the force beyond what the load's
-laws may be counts as far as that only (Huber 1964, Ann. Math. Stat. 35, 73): a weight that is put
-on. What changes while the strain stays is left out: a stop that is about to be left. At rest only
-the force at zero strain follows. What the model of the muscles misses does not come in: it is the
-load that is seen. Kernels.
+A Kalman filter on the change of the measured force between strain steps: stiffness times the step,
+plus damping times the change of the rate, plus inertia times that of the acceleration. All three
+come from the same filters on force and strain (state variable filters: Young 2011, Recursive
+Estimation and Time-Series Analysis, ch. 8). Changes of the force beyond these laws, such as an
+added weight, are clipped (Huber 1964, Ann. Math. Stat. 35, 73). Changes at constant strain are
+not used: the load may be leaving a stop. At rest only the force at zero strain is updated. Errors
+of the muscle model have no effect, since only measurements are used. Kernels.
 """
 
 from dataclasses import dataclass, field
@@ -19,26 +18,26 @@ from typing import Any
 
 from fam_bundle_ros.control.observer import low_pass
 
-#: Strain from one place to the next: above the noise of filtered readings (1e-5 to 1e-4).
+#: Strain step of one update: above the noise of filtered readings (1e-5 to 1e-4).
 _STEP = 0.002
-#: Filter times after which a place is left without having learnt anything.
+#: Longest duration of a step, in filter times; a longer one is discarded.
 _LONG = 10.0
-#: Places after which an estimate counts: two of each of the three that are looked for.
+#: Steps after which the estimate is used: two for each of the three parameters.
 _ENOUGH = 6
-#: Filter times in which the force at zero strain follows. What the strain loop adds to it comes
-#: back three filters later; an integrator behind a dead time has no overshoot from e of it on.
+#: Time constant of the force at zero strain, in filter times. The strain loop's reaction returns
+#: after three filters; an integrator with dead time does not overshoot from e dead times on.
 _OFFSET_LAGS = 3.0 * math.e
-#: N: standard deviation of what else the force does from place to place: friction, noise.
+#: N: standard deviation of other changes of the force in a step: friction, noise.
 _OTHER = 1.0
-#: Strain over which a stiffness may become any other.
+#: Strain over which the stiffness may change completely.
 _REACH = 0.1
-#: Range of inertias over the usual one: to that of a robot's arm.
+#: Prior sd of the inertia over the usual one: up to a robot's arm.
 _INERTIAS = 100.0
 #: 1/s: damping of guides over the usual inertia.
 _DRAG = 30.0
-#: Places in which damping and inertia may change by themselves, squared.
+#: Steps in which the random walk of damping and inertia reaches their own size.
 _MEMORY = 1000.0
-#: Standard deviations beyond which a change of the force is no law's.
+#: Clipping threshold of a change of the force, in standard deviations.
 _CLIP = 3.0
 
 
@@ -53,18 +52,18 @@ class LoadEstimate:
         Stiffness (N), damping (N s) and inertia (N s^2): force per strain and its derivatives.
     covariance : list (3, 3)
     offset : float, N
-        Force at zero strain, as the stiffness here lets believe.
+        Force at zero strain, extrapolated with the stiffness.
     inertia : float, N s^2
-        What of it is sure, to a standard deviation; at least the usual one: the gains for that
-        suit a lighter load too.
+        Estimate minus one standard deviation; at least the usual inertia, whose gains also suit a
+        lighter load.
     strains, forces : list (3,)
         Readings behind one, two and three filters.
     last : list (4,)
-        Force, strain, rate and acceleration at the place before, ``age`` s ago.
+        Force, strain, rate and acceleration at the start of the step, ``age`` s ago.
     places : int
-        So far.
+        Number of steps so far.
     way, product : list (3,)
-        Room to work in.
+        Work space.
     started, known : bool
     """
 
@@ -84,12 +83,12 @@ class LoadEstimate:
 
 
 def forget_load(state: Any) -> None:
-    """Begin anew."""
+    """Reset."""
     state.started = state.known = False
 
 
 def begin_load(state: Any, most: float, usual: float) -> None:
-    """Begin with nothing known; arguments as for `learn_load`."""
+    """Start from the prior; arguments as for `learn_load`."""
     state.started, state.places = True, 0
     for i in range(3):
         state.value[i] = 0.0
@@ -102,14 +101,14 @@ def begin_load(state: Any, most: float, usual: float) -> None:
 
 
 def take_up(state: Any, strain: float, force: float) -> None:
-    """Take a reading as if it had lasted: the first one, or one after a gap."""
+    """Set all filters to a reading: the first one, or one after a gap."""
     for i in range(3):
         state.strains[i], state.forces[i] = strain, force
     leave_place(state, 0.0, 0.0)
 
 
 def leave_place(state: Any, rate: float, bend: float) -> None:
-    """Let the way to the next place begin here."""
+    """Start a new strain step."""
     state.age, last = 0.0, state.last
     last[0], last[1], last[2], last[3] = state.forces[2], state.strains[2], rate, bend
 
@@ -123,13 +122,13 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
     ----------
     state : LoadEstimate
     strain, force : float, and N
-        As measured.
+        Measured values.
     most : float, N
         Largest stiffness that a load may have.
     usual : float, N s^2
-        Inertia before anything is known.
+        Prior inertia.
     time, dt : float, s
-        Of each filter, and since the reading before.
+        Time constant of each filter; time since the reading before.
 
     Examples
     --------
@@ -150,7 +149,7 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
         state.strains[i] += share * (strain - state.strains[i])
         state.forces[i] += share * (force - state.forces[i])
         strain, force = state.strains[i], state.forces[i]
-    # What a filter is behind, times this, is how quickly it moved in the last sample.
+    # Input minus output of a filter, times this, is the rate of its output in the last sample.
     quick = share / ((1.0 - share) * dt)
     rate = quick * (state.strains[1] - strain)
     bend = quick ** 2 * (state.strains[0] - 2.0 * state.strains[1] + strain)
@@ -161,7 +160,7 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
     state.age += dt
     if moved or state.age > _LONG * time:
         leave_place(state, rate, bend)
-    # Another estimate gives the same force here.
+    # A new estimate must not change the force at the present strain.
     now = load_law(state, strain, rate, bend)
     state.offset += before - now
     state.offset += low_pass(dt, _OFFSET_LAGS * time) * (force - now - state.offset)
@@ -170,7 +169,7 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
 
 
 def learn_place(state: Any, rate: float, bend: float, most: float, usual: float) -> None:
-    """Learn from the way from the place before, at a rate (1/s) and acceleration (1/s^2)."""
+    """Update with the step that ends here, at a rate (1/s) and acceleration (1/s^2)."""
     value, p, way, product, last = (state.value, state.covariance, state.way, state.product,
                                     state.last)
     way[0], way[1], way[2] = state.strains[2] - last[1], rate - last[2], bend - last[3]

@@ -3,9 +3,9 @@
 """
 Margins and step responses of the force and strain loops, over the error of the model.
 
-Around an operating point the bundle answers as the model does times 1 + e. The observer compares
-force with what the model gives at the measured pressures, so that only e of its loop is left; the
-gain on the force error sees all of it. python-control (the extra ``control``) gives the margins.
+Near an operating point the bundle's force changes 1 + e times as much as the model's. The observer
+compares the force with the model at the measured pressures, so that its loop gain is e; that of
+the gain on the force error is 1 + e. python-control (the extra ``control``) gives the margins.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import pressure_rate
 
-#: Settled: within 5 % of the step.
+#: Settling band: 5 % of the step.
 _BAND = 0.05
-#: A step response is simulated over so many lags of the loop, in steps of a hundredth of it.
+#: Duration of a simulated step response in lags of the loop, and steps per lag.
 _LAGS, _FINE = 60, 100
 
 
@@ -43,13 +43,13 @@ class LoopPoint:
         The smallest; below 0 where the loop is unstable. Infinite margins and no crossover (nan)
         where the loop never reaches a gain of 1.
     delay_margin : float, s
-        Dead time that may come on top.
+        Additional dead time up to which the loop is stable.
     overshoot : float
-        Of a step of the reference, relative.
+        Overshoot after a step of the reference, relative.
     settling : float, s
-        Until it stays within 5 %.
+        Settling time to 5 %.
     stiffness : float
-        Of muscles and load, over its mean; 1 where it does not matter.
+        Stiffness of muscles and load over the middle one; 1 where it has no effect.
     """
 
     gain_error: float
@@ -75,14 +75,14 @@ class PressureStep:
 @dataclass(frozen=True)
 class LoopResult:
     """
-    What a loop's settings leave as margins; see `tune_force` and `tune_strain`.
+    Settings of a loop and its margins; see `tune_force` and `tune_strain`.
 
     Attributes
     ----------
     settings : dict
-        Worked out, by the name of the parameter.
+        Computed settings, by parameter name.
     lag : float, s
-        Of the loop: dead time, pressures and sample.
+        Lag of the loop: dead time, pressures and sample.
     points : tuple of LoopPoint
     """
 
@@ -98,16 +98,16 @@ class LoopResult:
 def tune_force(config: OuterConfig = OuterConfig(), sample_period: float = 4e-3,
                lag: float = 0.0) -> LoopResult:
     """
-    Return margins and steps of the force loop, where the observer is fully awake.
+    Return margins and step responses of the force loop, with an observer weight of 1.
 
     Parameters
     ----------
     config : OuterConfig
         Its ``delay``, ``gain_error`` and gains.
     sample_period : float, s
-        Of the recruitment controller.
+        Sample time of the recruitment controller.
     lag : float, s
-        Of the force behind the pressures, as learnt or known.
+        Lag of the force behind the pressures, learnt or known.
     """
     ct = python_control()
     _check(sample_period, lag)
@@ -129,9 +129,9 @@ def tune_force(config: OuterConfig = OuterConfig(), sample_period: float = 4e-3,
 def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConfig(),
                 sample_period: float = 4e-3) -> LoopResult:
     """
-    Return margins and steps of the strain loop on a load.
+    Return margins and step responses of the strain loop on a load.
 
-    The load is a mass on the muscles' own stiffness and its own; the loop is cut at the strain.
+    The load is a mass on the stiffness of the muscles and its own; the loop is cut at the strain.
 
     Parameters
     ----------
@@ -144,9 +144,9 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
     Returns
     -------
     LoopResult
-        At the stiffnesses for which gains are worked out (`stiffness_grid`), with the gains that
-        hold there, and errors of the force's change of 30 %. Muscles damp by 1 % of critical at
-        least. The settings are those at the middle one.
+        At the stiffnesses for which gains are computed (`stiffness_grid`), with their gains and
+        errors of the force's change of 30 %. The damping ratio is at least 1 %. The settings are
+        those at the middle stiffness.
     """
     ct = python_control()
     _check(sample_period, 0.0)
@@ -183,10 +183,11 @@ def pressure_steps(gains: PidGains, config: PidConfig, sample_period: float,
     gains, config : PidGains, PidConfig
     sample_period, transport_delay : float, s
     volumes : sequence of float, m^3
-        Told to the loop; the true rate is 1 + e times what it reckons with.
+        Gas volumes, known to the loop.
     gain_errors : sequence of float
+        Errors e: the true pressure rate is 1 + e times the loop's model.
     low, high : float, Pa (gauge)
-        Where the step begins and ends.
+        Start and end of the step.
     """
     return [_pressure_step(gains, config, sample_period, transport_delay, volume, error, low, high)
             for volume in volumes for error in gain_errors]
@@ -243,7 +244,7 @@ def _strain_step(ct, control, dead, plant):
     """
     Return times and strain of a reference that steps by 1.
 
-    The muscles are asked for its force at once: their stiffness pulls too (`strain_reach`).
+    Feed-forward adds the static force of the step at once, with the muscles' own stiffness.
     """
     ahead = 1.0 / ct.dcgain(plant)
     closed = (ahead + control * dead) * plant / (1.0 + control * dead * plant)
@@ -255,7 +256,7 @@ def _point(ct, loop, e, response):
     times, values = response
     outside = np.flatnonzero(np.abs(values - 1.0) > _BAND)
     settling = float(times[outside[-1]]) if len(outside) else 0.0
-    # A loop on a resonance crosses 1 more than once: the nearest counts, on either side.
+    # A loop with a resonance has several crossovers: take the smallest margin on either side.
     reached = len(crossovers) > 0
     nearest = int(np.argmin(np.abs(phases))) if reached else 0
     gain_margin = min((abs(20.0 * math.log10(gain)) for gain in gains if gain > 0.0),

@@ -1,45 +1,46 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Observer of the force that the model leaves out: measured minus believed force.
+Observer of the model's force error: measured minus model force.
 
-A disturbance observer (Ohnishi, Shibata and Murakami 1996) on five time scales. The quickest is as
-fast as the lag of the loop allows, the patient one averages over half a second. Each predicts the
-next error, and they are averaged by how well they did of late (dynamic model averaging: Raftery,
-Karny and Ettler 2010, Technometrics 52, 52), with odds against all but the patient one. What is
-found goes on to the quickest as far as that differs by more than its noise (shrinkage: Gao 1998,
-J. Comput. Graph. Stat. 7, 469), the more freely the more the quickest has shown beyond noise
-(Wiener's weight, signal over signal and noise): a model without error gets no noise into its
-pressures, one with a steady error a steady correction, and an error that moves is followed as
-quickly as it moves. The believed force is that at the *measured* pressures, so that a demand out
-of reach does not wind it up. Kernels.
+A disturbance observer (Ohnishi, Shibata and Murakami 1996) on five time scales. The fastest is as
+fast as the lag of the loop allows, the slow one averages over half a second. They are averaged by
+how well each has predicted the error recently (dynamic model averaging: Raftery, Karny and Ettler
+2010, Technometrics 52, 52), with a prior in favour of the slow one. This average is moved towards
+the fastest observer by the part of their difference that exceeds noise (shrinkage: Gao 1998,
+J. Comput. Graph. Stat. 7, 469); the noise threshold falls with the fastest observer's Wiener
+weight (signal over signal and noise). So a model without error gets no noise into its pressures,
+a constant error gets a constant correction, and a varying error is followed as fast as it varies.
+The model force is that at the *measured* pressures, so that a demand out of reach does not wind up
+the observer. Kernels.
 """
 
 from dataclasses import dataclass, field
 import math
 from typing import Any
 
-#: s: of the patient observer; in which noise and the quick observer's power are learnt.
+#: s: time constants of the slow observer, and of the estimates of noise and power.
 PATIENT_TIME, _LEARN_TIME = 0.5, 1.0
-#: The integral of what pressures do not give takes so many lags of the loop.
+#: Time constant of the integral of the missing pressure force, in lags of the loop.
 _SHORT = 10.0
-#: The power of a patient observer is averaged over so many of its times.
+#: Averaging time of the slow observer's power, in its time constants.
 _LONG = 5.0
-#: Power must be so many times that of the noise before it counts: within a second the power of
-#: noise alone, of some 10 independent values, stays below.
+#: Threshold of signal power over noise power: within a second, some 10 independent values, the
+#: power of noise alone stays below.
 _CLEAR = 4.0
-#: Squared differences of observers by less than so many variances of the quicker one are noise
-#: where nothing has been seen to move: three standard deviations.
+#: Shrinkage threshold in variances of the faster observer, where the error has not been seen to
+#: vary: three standard deviations.
 _SURELY = 9.0
-#: Share of the present square that counts as power: above 0 from four standard deviations on.
+#: Share of the present square that counts as power: above the threshold from four standard
+#: deviations on.
 _AT_ONCE = _CLEAR / 16.0
-#: Observers quicker than the patient one, their times a geometric series to that of the quick one.
+#: Number of faster observers; their time constants are a geometric series to the fastest.
 _BANK = 4
-#: s: evidence for one of them fades so fast; what lasts longer the patient one finds as well.
+#: s: forgetting time of their log odds; longer errors are found by the slow observer as well.
 _FADES = 0.5 * PATIENT_TIME
-#: Log odds against each: one wrong lead in a thousand, shared by all of them.
+#: Prior log odds against each: one false lead in a thousand, shared by all of them.
 _ODDS = math.log(1000.0 * _BANK)
-#: N: a change of this size may be noise, whatever was seen before.
+#: N: a change of this size may be noise, whatever the estimate.
 _USUAL = 0.1
 
 
@@ -51,28 +52,28 @@ class ObserverState:
     Attributes
     ----------
     bias : float, N
-        What is to be corrected: patient and quick part, weighted.
+        Estimated model error, to be corrected.
     weight : float
-        0 to 1: how much of the quick part is more than noise.
+        0 to 1: Wiener weight of the fastest observer's difference from ``steady``.
     sure : float
-        0 to 1: how much of the patient part is more than noise.
+        0 to 1: Wiener weight of the slow observer.
     patient, steady : float, N
-        Measured minus believed force, filtered; as far as that is more than noise.
+        Slow observer: filtered error; ``patient`` times ``sure``.
     asked, short : float, N
-        Force that was asked of the model, with the lag of the loop; what is still missing of it
-        at the pressures that are there, integrated: a valve that sticks.
+        Model force at the commanded pressures, with the lag of the loop; integral of the part that
+        is missing at the measured pressures (a sticking valve).
     short_power : float, N^2
-        Mean square of it.
+        Mean square of ``short``.
     power, patient_power : float, N^2
-        Mean square of the quick part that the patient one leaves, and of the patient one.
+        Mean square of the fastest observer's difference from ``steady``, and of ``patient``.
     last, before : float, N
-        Error in the tick before and in that before it.
+        Error one and two ticks ago.
     change : float, N
-        Mean size of second differences of it; ``seen`` of them so far.
+        Mean size of the error's second differences; ``seen``: number of samples.
     bank : list (4,), N
-        As ``patient``, more and more quickly from the first to the last.
+        Faster observers, the fastest last.
     lead : list (4,)
-        Log odds for each against the steady one, by what they predicted of late.
+        Log odds of each against ``steady``, from recent predictions.
     """
 
     bias: float = 0.0
@@ -95,7 +96,7 @@ class ObserverState:
 
 @dataclass
 class NoiseState:
-    """Memory of `learn_noise`, of any signal; see `ObserverState` for what they are."""
+    """Memory of `learn_noise` for any signal; fields as in `ObserverState`."""
 
     last: float = 0.0
     before: float = 0.0
@@ -104,7 +105,7 @@ class NoiseState:
 
 
 def forget_observer(state: Any) -> None:
-    """Begin anew."""
+    """Reset."""
     state.bias = state.weight = state.sure = state.patient = state.steady = 0.0
     state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
@@ -114,7 +115,7 @@ def forget_observer(state: Any) -> None:
 
 
 def begin_at(state: Any, error: float) -> None:
-    """Begin at an error (N), all of it believed: for a start without a bump."""
+    """Start from an error (N) that is taken as certain, for bumpless transfer."""
     forget_observer(state)
     state.bias = state.patient = state.steady = error
     state.patient_power = error * error
@@ -123,12 +124,12 @@ def begin_at(state: Any, error: float) -> None:
 
 
 def low_pass(dt: float, time: float) -> float:
-    """Return the share of a step that a first-order lag takes up within dt."""
+    """Return the share of a step that a first-order low-pass filter follows within dt."""
     return 1.0 - math.exp(-dt / time)
 
 
-def behind_lag(share: float) -> float:
-    """Return the sd of white noise behind a lag that takes up a share of a step, over its own."""
+def noise_gain(share: float) -> float:
+    """Return output over input sd of white noise, for a low-pass filter with `low_pass` share."""
     return math.sqrt(share / (2.0 - share))
 
 
@@ -141,12 +142,12 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     ----------
     state : ObserverState
     measured, believed, asked : float, N
-        Measured force; that of the model at the measured pressures, and at those last commanded.
+        Measured force; model force at the measured, and at the last commanded pressures.
     reach : float, N
-        What pressures may be missing where all is well. More than that is on its way, or does not
-        answer at all: it is not integrated, and what was is forgotten.
+        Largest difference of ``asked`` and ``believed`` in normal operation. More is a transient,
+        or a unit that does not respond: it is not integrated, and the integral decays.
     time : float, s
-        Of the quick observer.
+        Time constant of the fastest observer.
     dt : float, s
     """
     error = measured - believed
@@ -154,8 +155,8 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     noise = noise_of(state)
     noise *= noise
     gain, slow = low_pass(dt, time), low_pass(dt, PATIENT_TIME)
-    compare(state, error, noise, dt)
-    follow(state, error, time, dt)
+    update_odds(state, error, noise, dt)
+    update_bank(state, error, time, dt)
     state.patient += slow * (error - state.patient)
     state.patient_power += low_pass(dt, _LONG * PATIENT_TIME) * (
         state.patient * state.patient - state.patient_power)
@@ -163,13 +164,13 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.steady = state.patient * state.sure
     left = quick_of(state) - state.steady
     state.power += low_pass(dt, _LEARN_TIME) * (left * left - state.power)
-    # What four standard deviations of noise cannot be counts at once.
+    # A value beyond four standard deviations of the noise counts at once.
     power = max(state.power, _AT_ONCE * left * left)
     state.weight = beyond_noise(power, noise * gain / (2.0 - gain))
     if state.seen == 1:
         state.asked = believed
     state.asked += gain * (asked - state.asked)
-    # What the lag alone may explain is not missing.
+    # Subtract what the lag alone can explain.
     missing = state.asked - believed
     late = abs(asked - state.asked)
     missing = math.copysign(max(abs(missing) - late, 0.0), missing)
@@ -178,21 +179,21 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
-    # As far as the model is known to be off, what moves needs no proof.
+    # Where the model error is known to vary, the shrinkage threshold is low.
     doubt = _SURELY * (1.0 - state.weight) * noise * gain / (2.0 - gain)
-    found = towards(average(state), quick_of(state), doubt)
+    found = shrink(average(state), quick_of(state), doubt)
     state.bias = found - state.short * beyond_noise(
         state.short_power, noise * gain / (2.0 - gain))
 
 
 def quick_of(state: Any) -> float:
-    """Return what the quickest of the bank finds, N."""
+    """Return the output of the fastest observer, N."""
     return state.bank[_BANK - 1]
 
 
-def compare(state: Any, error: float, noise: float, dt: float) -> None:
+def update_odds(state: Any, error: float, noise: float, dt: float) -> None:
     """
-    Count how much better each of the bank predicted an error (N) than the steady one did.
+    Update the log odds of each faster observer against ``steady`` with an error (N).
 
     Gaussian log likelihoods; ``noise`` (N^2) is the variance of the readings.
     """
@@ -202,13 +203,13 @@ def compare(state: Any, error: float, noise: float, dt: float) -> None:
         way = error - state.bank[k]
         state.lead[k] = kept * state.lead[k] + (missed * missed - way * way) / twice
         best = max(best, state.lead[k])
-    # None becomes surer than the steady one is to begin with: noise is not known at once.
+    # Limit the posterior odds to the inverse of the prior: the noise is not known at once.
     for k in range(_BANK):
         state.lead[k] -= max(best - 2.0 * _ODDS, 0.0)
 
 
-def follow(state: Any, error: float, time: float, dt: float) -> None:
-    """Move all of the bank on, each in its own time; ``time`` (s) is that of the last."""
+def update_bank(state: Any, error: float, time: float, dt: float) -> None:
+    """Update the faster observers with an error (N); ``time`` (s): constant of the fastest."""
     ratio = (time / PATIENT_TIME) ** (1.0 / _BANK)
     span = PATIENT_TIME
     for k in range(_BANK):
@@ -217,7 +218,7 @@ def follow(state: Any, error: float, time: float, dt: float) -> None:
 
 
 def average(state: Any) -> float:
-    """Return the mean of all, N, each weighted by its lead less the odds against it."""
+    """Return the mean of all observers, N, weighted by their posterior odds."""
     total, mean = 1.0, state.steady
     for k in range(_BANK):
         weight = math.exp(state.lead[k] - _ODDS)
@@ -226,12 +227,12 @@ def average(state: Any) -> float:
     return mean / total
 
 
-def towards(value: float, other: float, noise: float) -> float:
+def shrink(value: float, other: float, noise: float) -> float:
     """
-    Return a value (N) moved towards another as far as their difference is more than noise (N^2).
+    Return a value (N) moved towards another by the part of their difference beyond noise.
 
-    The part of the way w that is left is noise / w^2: nothing moves within the noise (N^2), and
-    nothing jumps at its edge.
+    A difference w is shrunk by the factor max(1 - noise / w^2, 0), with ``noise`` in N^2: nothing
+    moves within the noise, and the result is continuous (non-negative garrote).
     """
     way = other - value
     return value + way * max(1.0 - noise / (way * way), 0.0) if way != 0.0 else value
@@ -239,16 +240,16 @@ def towards(value: float, other: float, noise: float) -> float:
 
 def hand_over(state: Any, error: float, jump: float) -> float:
     """
-    Hand over to the model what it explains late; return the share of the jump that it was late.
+    Remove from the observers what the model now explains; return that share of the jump.
 
-    The believed force has jumped since a direction of motion was seen. As far as the quick part
-    had made up for that already, it need not any more.
+    The model force jumps when a direction of motion is detected (friction). Observers that have
+    already compensated for this force are reduced by that part.
 
     Parameters
     ----------
     state : ObserverState
     error, jump : float, N
-        Measured minus believed force after the jump; change of the believed force.
+        Measured minus model force after the jump; change of the model force.
     """
     if jump == 0.0:
         return 0.0
@@ -259,7 +260,7 @@ def hand_over(state: Any, error: float, jump: float) -> float:
 
 
 def shift(state: Any, error: float) -> None:
-    """Go on with errors larger by so much (N), as the model says less of the same from now on."""
+    """Shift all errors by ``error`` (N), after the model force has been lowered by as much."""
     state.patient += error
     state.steady += error
     for k in range(_BANK):
@@ -271,7 +272,7 @@ def shift(state: Any, error: float) -> None:
 
 
 def beyond_noise(power: float, noise: float) -> float:
-    """Return the share of a power (N^2) that is more than noise of a variance (N^2) makes."""
+    """Return the share of a power (N^2) beyond noise of a variance (N^2): Wiener weight."""
     return max(1.0 - _CLEAR * noise / power, 0.0) if power > 0.0 else 0.0
 
 
@@ -282,9 +283,9 @@ def second_difference(state: Any, value: float) -> float:
 
 def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
     """
-    Follow the mean size of a signal's second differences: what moves steadily has none.
+    Update the mean size of a signal's second differences, 0 for a signal of constant rate.
 
-    A change of the size ``usual`` may be noise, whatever was seen before.
+    A change of the size ``usual`` may be noise, whatever the estimate.
     """
     change = second_difference(state, value)
     state.before, state.last = state.last, value
@@ -293,19 +294,19 @@ def learn_noise(state: Any, value: float, usual: float, dt: float) -> None:
 
 
 def mean_change(mean: float, change: float, usual: float, seen: int, dt: float) -> float:
-    """Return the mean size of second differences after the one that came as the ``seen``-th."""
+    """Return the mean size of second differences, updated with sample number ``seen``."""
     if seen < 3:
         return mean
     if seen == 3:
         return change
     gain = max(low_pass(dt, _LEARN_TIME), 1.0 / (seen - 2))
-    # One that is far out of the ordinary is a step, not noise.
+    # Clip outliers: they are steps, not noise.
     return mean + gain * (min(change, 4.0 * mean + usual) - mean)
 
 
 def quick_noise(state: Any, time: float, dt: float) -> float:
-    """Return the standard deviation of what noise leaves in the quick observer's error, N."""
-    return noise_of(state) * behind_lag(low_pass(dt, time))
+    """Return the standard deviation of noise in the fastest observer, N; ``time`` (s): its own."""
+    return noise_of(state) * noise_gain(low_pass(dt, time))
 
 
 def noise_of(state: Any) -> float:

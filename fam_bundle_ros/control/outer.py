@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the outer loops (`outer_loop`), and what is known of the load."""
+"""Settings of the outer loops (`outer_loop`), and the model of the load."""
 
 from dataclasses import dataclass
 
@@ -12,18 +12,18 @@ from fam_bundle_ros.errors import InputError
 @dataclass(frozen=True)
 class LoadModel:
     """
-    What is known of the load on the bundle, for strain references; zeros where nothing is.
+    Model of the load on the bundle, for strain references; all zero if unknown.
 
-    A load of which nothing is known is learnt as it moves (`load_estimate`).
+    An unknown load is identified online (`load_estimate`).
 
     Parameters
     ----------
     force : float, N
-        That holds the load at zero strain.
+        Holding force at zero strain.
     stiffness : float, N
-        Change of it per unit of strain.
+        Change of the holding force per unit of strain.
     table : tuple of (strain, force), optional
-        Holding force over rising strain, instead of the two numbers above.
+        Holding force at rising strains, instead of the two numbers above.
     inertia : float, N s^2
         Force per strain acceleration.
     damping : float, N s
@@ -38,7 +38,7 @@ class LoadModel:
 
     @property
     def known(self) -> bool:
-        """Return whether anything is known."""
+        """Return whether any parameter is set."""
         return self != LoadModel()
 
     def holding_force(self, strain: float) -> float:
@@ -57,48 +57,47 @@ class OuterConfig:
     Parameters
     ----------
     feed_forward : bool
-        The model's own inverse: demand = reference (force), load model (strain).
+        Demand from the reference (force) or from the load model (strain).
     feedback : bool
-        Bias estimate and the gains below.
+        Use the bias estimate and the gains below.
     delay : float, s
-        Dead time from a force that changes to the pressures that answer it; as told to the
+        Dead time from a change of force to the pressures that respond to it; the same as for the
         pressure loops and `tune`.
     reading_share : float
-        Share of ``delay`` which is on the way of the readings; commands have the rest. Nothing
-        that is measured tells which: even odds by default, the least error to be expected.
+        Share of ``delay`` in the readings; the rest is in the commands. Measurements cannot tell
+        the two apart: one half by default, which has the least expected error.
     bias_time : float, s, optional
-        Of the quick bias estimate (`observer`); by default the lag of the loop: dead time,
-        `lead_time`, one sample, and the lag of the force that was learnt, with its doubt.
+        Time constant of the fastest bias estimate (`observer`); by default the lag of the loop:
+        dead time, `lead_time`, one sample, and the learnt lag of the force with its uncertainty.
     force_gain : float, optional
-        On the force error; by default what leaves a gain margin of 2 (6 dB) where the bundle
-        answers by ``gain_error`` more than the model: `default_force_gain`. It counts as much as
-        the quick bias estimate shows more than noise.
+        Gain on the force error; by default a gain margin of 2 (6 dB) remains where the bundle's
+        force changes by ``gain_error`` more than the model's: `default_force_gain`. It is weighted
+        by the share of the fastest bias estimate beyond noise.
     gain_error : float
-        By how much the bundle's force may change more than the model's, relative.
+        Largest excess of the change of the bundle's force over the model's, relative.
     force_integral : float, 1/s
-        On the force error, without feed-forward (with it, the bias estimate does this).
+        Integral gain on the force error without feed-forward (with it, the bias estimate acts).
     strain_gain : float, N, optional
-        Per unit of strain error; by default, as the next two, as large as ``delay`` and load
-        allow at the present stiffness: see `strain_gains`. Late feedback is turned back by a
-        gain below 0.
+        Gain on the strain error; by default, as the next two, the largest that ``delay`` and load
+        allow at the present stiffness: see `strain_gains`. With a long delay it is negative.
     strain_integral : float, N/s, optional
-        Larger where friction holds the strain behind a reference that moves; 0 for none.
+        Gain on the integral of the strain error, raised while friction holds the strain behind a
+        moving reference; 0 for no integral.
     strain_damping : float, N s, optional
-        On the error of the strain rate.
+        Gain on the error of the strain rate.
     still : float, N
-        Corrections of a strain loop change only by more than this, or by more than the noise
-        that is found in them: no air for sensor noise.
+        Backlash of the strain loop's correction: it is held while it would change by less than
+        this, or by less than its noise, so that no air is used for sensor noise.
     filter_time : float, s
-        Of the force reading.
+        Low-pass filter of the force reading.
     strain_reach : float
-        Pressures are worked out for the reference strain where it is no further away than this:
+        Pressures are computed for the reference strain, at most this far from the measured one:
         the muscles' own stiffness then pulls towards it.
     lead_time : float, s
-        How long the pressures take to follow: feed-forward asks for where a reference that says
-        its rate will be by then.
+        Lag of the pressures: feed-forward advances a reference with a rate by this time.
     fade_time : float, s
-        Over which a force taken over on enabling fades into the demand; with a strain reference
-        and a load of which nothing is known it goes on in the integral instead.
+        Decay time of the initial force on enabling (bumpless transfer); with a strain reference
+        and an unknown load the integral takes this force over instead.
     """
 
     feed_forward: bool = True
@@ -119,7 +118,7 @@ class OuterConfig:
     fade_time: float = 0.2
 
     def __post_init__(self):
-        """Refuse what cannot be meant."""
+        """Check the ranges of the settings."""
         if not (self.feed_forward or self.feedback):
             raise InputError('feed_forward and feedback are both off; expected one at least')
         if not 0.0 <= self.reading_share <= 1.0:
@@ -140,9 +139,9 @@ def default_force_gain(gain_error: float) -> float:
     """
     Return the gain k on the force error that leaves a gain margin of 2.
 
-    Quick observer and force error pass a first-order lag as long as the loop's own, T: the loop
-    is (e + k (1 + e)) exp(-sT) / (1 + sT) where the bundle answers 1 + e times as much as the
-    model. Its phase is -180 degrees at w T = 2.029, where the lag leaves 1/2.262.
+    Fastest observer and force error pass a first-order lag with the loop's own lag T: the loop is
+    (e + k (1 + e)) exp(-sT) / (1 + sT) where the bundle's force changes 1 + e times as much as the
+    model's. Its phase is -180 degrees at w T = 2.029, where the lag has a gain of 1/2.262.
 
     Examples
     --------

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Outer loops: a force or strain reference and the readings -> the force that the model shall give.
+Outer loops: from a force or strain reference and the readings to the force demand.
 
-Feed-forward says what the model knows, feedback corrects the rest; each works alone too. Feedback
-on force is what `observer` finds that the model leaves out, and a gain on the force error.
+The model gives the feed-forward, feedback corrects the remaining error; each works alone too.
+Force feedback subtracts the model error that `observer` estimates, and adds a gain on the error.
 Kernels; `outer` has the settings with their meaning.
 """
 
@@ -17,9 +17,9 @@ from fam_bundle_ros.control.friction import forget_friction, FrictionState
 from fam_bundle_ros.control.load_estimate import forget_load, LoadEstimate
 from fam_bundle_ros.control.observer import (
     begin_at,
-    behind_lag,
     forget_observer,
     low_pass,
+    noise_gain,
     noise_of,
     NoiseState,
     observe,
@@ -34,7 +34,7 @@ from fam_bundle_ros.control.strain_loop import default_strain_gains, strain_loop
 #: Kinds of references.
 KINDS = ('force', 'strain')
 FORCE, STRAIN = 0, 1
-#: Tables of loads are as long as a multiple of this, so that most have records of one kind.
+#: Load tables are padded to a multiple of this length, so that most records have one type.
 _TABLE = 16
 
 
@@ -55,9 +55,9 @@ class OuterSettings:
     strain_gain: list
     strain_integral: list
     strain_damping: list
-    #: Whether none of them was given: they may go with an inertia that is learnt.
+    #: True where none was set by the user: they may then depend on the learnt inertia.
     worked_out: bool
-    #: Stiffness of each unit over its pressure p: slope p + bend p^2, (n,).
+    #: Stiffness of each unit at its pressure p: slope p + bend p^2, (n,).
     stiffness_slope: list
     stiffness_bend: list
     still: float
@@ -79,16 +79,16 @@ class OuterSettings:
 @dataclass
 class Target:
     """
-    What is to be allocated.
+    Demand to be allocated to the units.
 
     Attributes
     ----------
     force : float, N
-        Reference, feedback and bias together.
+        Feed-forward and correction together.
     feed_forward : float, N
-        The part that is free of noise.
+        Part that is free of sensor noise.
     strain, strain_rate : float, and 1/s
-        For which the pressures are to be worked out.
+        Operating point of the inverse model.
     """
 
     force: float = 0.0
@@ -105,33 +105,33 @@ class OuterState:
     Attributes
     ----------
     observer : ObserverState
-        What the model leaves out.
+        Estimate of the model's force error.
     friction : FrictionState
-        What of it depends on where a strain moves to.
+        Part of this error that depends on the direction of motion.
     load : LoadEstimate
-        Of a load of which nothing was told.
+        Estimate of an unknown load.
     late : float, N
-        Force error, filtered.
+        Force error, filtered with the lag of the loop.
     integral, kept : float, N
-        Of the error; correction of the strain loop behind its play.
+        Integral of the error; correction of the strain loop after its backlash.
     filtered : float, N
-        Force reading.
+        Force reading, filtered.
     taken, fade : float, N
-        Force that was there on enabling; what of it is left in the demand.
+        Force on enabling; its difference from the feed-forward, which decays.
     demand : float, N
+        Last force demand.
     noise : float, N
-        Standard deviation of what the sensors' noise makes of the correction (of a strain: before
-        the dead zone).
+        Standard deviation of the correction due to sensor noise (strain: before the backlash).
     wanted : NoiseState
-        Of the correction of the strain loop before its play.
+        Noise of the strain loop's correction before its backlash.
     rate, bend : float
-        Of a strain reference, 1/s and 1/s^2.
+        First and second derivative of a strain reference, 1/s and 1/s^2.
     kind : int
-        Of the reference before, -1 for none.
+        Kind of the last reference, -1 for none.
     lag : float, s
-        Of the loop, with its doubt: no correction is quicker.
+        Lag of the loop with its uncertainty: no correction is faster.
     behind : float, s
-        By how much readings are reckoned to be late.
+        Assumed delay of the force reading.
     """
 
     integral: float = 0.0
@@ -157,7 +157,7 @@ class OuterState:
 
     @property
     def bias(self) -> float:
-        """Measured minus believed force as far as it is more than noise, N."""
+        """Estimated error of the model: measured minus model force beyond noise, N."""
         return self.observer.bias
 
 
@@ -186,7 +186,7 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
 
 
 def forget_outer(state: Any) -> None:
-    """Forget what was learnt."""
+    """Reset estimates, integrals and filters."""
     forget_observer(state.observer)
     forget_friction(state.friction)
     forget_load(state.load)
@@ -201,11 +201,11 @@ def forget_outer(state: Any) -> None:
 
 def uncertainty(settings: Any, state: Any) -> float:
     """
-    Return how far off the demand may be, N: the margins of the state machine.
+    Return the uncertainty of the demand, N, which sets the margins of the state machine.
 
-    Three standard deviations of the noise in it, the error of the model's fit, and a tenth of
-    the bias: it was learnt at other pressures than those at which a unit is switched. A
-    correction that moves is no doubt: it is what was found.
+    Three standard deviations of its noise, the error of the model's fit, and a tenth of the bias,
+    which was learnt at other pressures than those at which a unit is switched. A correction that
+    changes adds no uncertainty: it follows an observed error.
     """
     return 3.0 * state.noise + settings.model_error + 0.1 * abs(
         state.observer.bias) + 0.1
@@ -215,32 +215,32 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
                reach: float, kind: int, value: float, rate: float, saturated: int, lag: float,
                lag_doubt: float, lead: float, dt: float) -> None:
     """
-    Work out what is to be allocated in this tick: `OuterState.target`.
+    Compute the demand of this tick: `OuterState.target`.
 
     Parameters
     ----------
     settings, state : OuterSettings, OuterState
     measurement : record with force (N), strain, strain_rate (1/s)
     believed, asked : float, N
-        Force of the model at the measured strain, and at pressures measured and last commanded.
+        Model force at the measured strain, at the measured and at the last commanded pressures.
     reach : float, N
-        How far these two may be apart for long where valves and pressure loops work.
+        Largest lasting difference of the two while valves and pressure loops work.
     kind, value, rate : int, float, float
         Reference: `FORCE` (N, N/s) or `STRAIN` (1, 1/s).
     saturated : int
-        Of the last command: integrals stop in that direction.
+        Saturation of the last command: integrals stop in that direction.
     lag, lag_doubt : float, s
-        By how much the force is later than the pressures let believe, and its standard deviation.
+        Learnt lag of the measured force behind the model force, and its standard deviation.
     lead : float, s
-        How much earlier than that a moving reference must be asked for.
+        Time beyond this lag by which a moving reference must be advanced.
     dt : float, s
     """
     force = measurement.force
     share = low_pass(dt, settings.filter_time) if state.started else 1.0
     state.started = True
     state.filtered += share * (force - state.filtered)
-    # The observer must not be quicker than what it corrects can answer; what is known of the lag
-    # and what is in doubt add like errors that have nothing to do with each other.
+    # The observer must not be faster than the loop that it corrects. The lag and its uncertainty
+    # add as independent errors.
     slowest = state.lag = math.hypot(settings.delay + settings.lead_time + dt + lag, lag_doubt)
     state.behind = settings.reading_share * settings.delay + GAUGE_SHARE * (lag + lead)
     if settings.feedback:
@@ -254,8 +254,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate
     if kind == FORCE:
-        # Behind a reference that moves pressures always are, and reckoned with.
-        coming = on_its_way(asked - believed, reach + abs(rate) * slowest)
+        # Pressures always lag a moving reference: widen the allowed difference by that.
+        coming = force_in_transit(asked - believed, reach + abs(rate) * slowest)
         before = settings.lead_time + settings.delay + lag + lead - state.behind
         known, correction = force_loop(settings, state, force, value, rate, saturated, before,
                                        slowest, coming, dt)
@@ -270,7 +270,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
         held = state.taken - state.observer.bias
         state.fade = state.taken - known
     if switched and kind == STRAIN and settings.feedback and not settings.load_known:
-        # Only the force that is there says what holds the load: the integral goes on from it.
+        # The present force holds the unknown load: the integral starts from it.
         state.fade = 0.0
         state.integral += held - known - correction
         state.kept = correction = held - known
@@ -279,26 +279,36 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     target.force = state.demand = known + state.fade + correction
 
 
-def on_its_way(missing: float, reach: float) -> float:
-    """Return the force (N) that pressures on their way will add: beyond what they may leave."""
+def force_in_transit(missing: float, reach: float) -> float:
+    """Return the force (N) that pressures in transit will add: ``missing`` beyond ``reach``."""
     return math.copysign(max(abs(missing) - reach, 0.0), missing)
 
 
 def force_loop(settings: Any, state: Any, force: float, value: float, rate: float, saturated: int,
                before: float, slowest: float, coming: float, dt: float) -> tuple[float, float]:
     """
-    Return feed-forward and correction of the force loop, N; ``coming`` from `on_its_way`.
+    Return feed-forward and correction of the force loop, N.
 
-    A force must be asked for by ``before`` (s) earlier than it is to be there.
+    Parameters
+    ----------
+    force, value, rate : float, N, N and N/s
+        Reading; reference and its rate.
+    saturated : int
+        Saturation of the last command.
+    before, slowest : float, s
+        Time by which the reference must be advanced; lag of the loop with its uncertainty.
+    coming : float, N
+        Force that pressures in transit will add, see `force_in_transit`.
+    dt : float, s
     """
     known, correction = 0.0, 0.0
     if settings.feed_forward:
         known = value + before * rate
     if settings.feedback and settings.feed_forward:
-        # The reading is late: it shows what was to be there before.
+        # Compare the delayed reading with the reference at its time.
         due = value - state.behind * rate
         share = low_pass(dt, slowest)
-        # What is missing because pressures are on their way needs no more of them.
+        # Do not correct what pressures in transit will add.
         error = due - force
         if error * coming > 0.0:
             error = math.copysign(max(abs(error) - abs(coming), 0.0), error)
@@ -306,14 +316,14 @@ def force_loop(settings: Any, state: Any, force: float, value: float, rate: floa
         correction = settings.force_gain * state.observer.weight * state.late
         correction -= state.observer.bias
         gain = (1.0 + settings.force_gain) * state.observer.weight
-        noise = noise_of(state.observer) * behind_lag(share)
-        # What was found besides the steady part may be noise of the quickest observer.
+        noise = noise_of(state.observer) * noise_gain(share)
+        # The bias beyond its steady part may be noise of the fastest observer.
         moving = abs(state.observer.bias - state.observer.steady)
         state.noise = max(gain * noise, min(moving / 3.0, noise))
     elif settings.feedback:
         error = value - state.filtered
         correction = settings.force_gain * error
-        state.noise = settings.force_gain * noise_of(state.observer) * behind_lag(
+        state.noise = settings.force_gain * noise_of(state.observer) * noise_gain(
             low_pass(dt, settings.filter_time))
         integrate_error(state, settings.force_integral * error * dt, saturated)
         known = state.integral

@@ -3,11 +3,11 @@
 """
 Pressure control of one motor unit: setpoint and reading in, valve command out.
 
-The error asks for a pressure rate in Pa/s; the chamber model turns the rate into a flow and the
-valve model the flow into a command. So gains do not depend on volume, pressure or supply (gain
-scheduling), moving setpoints and moving muscles are met by feed-forward, and what is left to
-feedback is small. A setpoint of 0 means open to exhaust, whatever the sensor shows. Knows nothing
-of recruitment or ROS. Pressures are gauge.
+PID demands a pressure rate in Pa/s; the chamber model converts the rate into a flow and the valve
+model the flow into a command. So gains do not depend on volume, pressure or supply (gain
+scheduling), and feed-forward compensates for moving setpoints and moving muscles. A setpoint of 0
+opens to exhaust, whatever the sensor shows. Independent of recruitment and ROS. Pressures are
+gauge.
 """
 
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ from fam_bundle_ros.control.pressure_loop import (
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, ValveFlow
 
-#: s: from command to flow besides the dead time: 2 zeta/omega of a spool of 125 Hz and 0.7.
+#: s: lag from command to flow without the dead time: 2 zeta/omega of a spool of 125 Hz and 0.7.
 _SPOOL_LAG = 1.8e-3
 
 
@@ -33,7 +33,7 @@ class PidGains:
     """
     Gains from pressure error to pressure rate.
 
-    The defaults here and in `PidConfig` are the only ones: what `tune` gives for its own defaults,
+    The defaults here and in `PidConfig` are the only ones: the result of `tune` with its defaults,
     a loop over topics at 200 Hz whose readings are one period old.
 
     Parameters
@@ -49,7 +49,7 @@ class PidGains:
     d: float = 0.02
 
     def __post_init__(self):
-        """Refuse gains that cannot be meant."""
+        """Check the ranges of the gains."""
         for name in ('p', 'i', 'd'):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
@@ -59,45 +59,45 @@ class PidGains:
 @dataclass(frozen=True)
 class PidConfig:
     """
-    What the pressure loop knows of its valve and chamber, and its limits.
+    Valve, chamber and limits of a pressure loop.
 
     Parameters
     ----------
     valve : ValveFlow
     anti_windup : str
-        ``none``, ``back_calculation`` (the integral follows the command that was possible) or
-        ``conditional_integration`` (it stops while it would push further into the limit). But
-        with ``none`` it also stops at a small share of the valve's rate, in case the pressure
-        does not answer.
+        ``none``, ``back_calculation`` (the integral tracks the saturated command) or
+        ``conditional_integration`` (it stops while it would increase the saturation). Except with
+        ``none`` it is also limited to a small share of the valve's rate, in case the pressure
+        does not respond.
     tracking_time : float, s
-        Of the back calculation.
+        Time constant of the back calculation.
     volume : float, m^3
-        Gas volume with tubing, where `PressurePid.update` is not told the present one.
+        Gas volume with tubing, unless given to `PressurePid.update`.
     supply : float, Pa (gauge)
-        Where `PressurePid.update` is not told.
+        Unless given to `PressurePid.update`.
     ambient : float, Pa (absolute)
     setpoint_rate : float, Pa/s
-        Largest rate at which the setpoint is followed; the valve's own limit applies besides.
+        Largest rate of the followed setpoint, in addition to the valve's own limit.
     setpoint_bandwidth : float, 1/s
-        How fast the followed setpoint closes in on the one asked for.
+        Bandwidth of the followed setpoint.
     transport_delay : float, s
         Dead time from a reading through the valve to the next reading, as in `tune`.
     flow_lag : float, s, optional
-        From command to reading: spool and dead time (a sample comes on top); by default 1.8 ms,
-        a spool of 125 Hz, more than ``transport_delay``. Feedback sees the pressure that it will
-        be by then, else it would correct again what is on its way.
+        Lag from command to reading: spool and dead time (plus one sample); by default
+        ``transport_delay`` plus 1.8 ms, a spool of 125 Hz. Feedback uses the pressure predicted
+        over this lag (Smith predictor).
     quiet_error : float, Pa
-        Errors below this size are left alone: no air is spent on sensor noise, and the valve
+        Half-width of the dead zone of the error: no air is used for sensor noise, and the valve
         stays shut at rest. About three standard deviations of the filtered reading.
     filter_time : float, s
-        Of the reading, before the derivative and the quiet band.
+        Low-pass filter of the reading, before the derivative and the dead zone.
     feed_forward : bool
     dead_band_compensation : bool
-        Jump over the dead band: that of ``valve``, and what is learnt of it (`dead_band`).
+        Jump over the dead band: that of ``valve`` with the learnt correction (`valve_learning`).
     ceiling : float, Pa (gauge)
     reach : float, s
-        The valve is opened so little that a command which is held for ``reach`` fills to
-        ``ceiling`` at most: the loop may be held up. 0 for no such limit.
+        The valve opening is limited so that a command that is held for ``reach`` fills to at most
+        ``ceiling``, in case the loop stalls. 0 for no such limit.
     """
 
     valve: ValveFlow = field(default_factory=ValveFlow)
@@ -118,7 +118,7 @@ class PidConfig:
     reach: float = 0.0
 
     def __post_init__(self):
-        """Refuse what cannot be meant."""
+        """Check the ranges of the settings."""
         if self.anti_windup not in ANTI_WINDUP:
             raise InputError(f"anti_windup is '{self.anti_windup}'; expected one of "
                              f"{', '.join(ANTI_WINDUP)}")
@@ -191,14 +191,14 @@ class PressurePid:
 
     @property
     def diagnostics(self) -> PidDiagnostics:
-        """Return what the loop did in the last update."""
+        """Return the diagnostics of the last update."""
         return PidDiagnostics(**vars(self.state.shown))
 
     def reset(self, command: float = 0.0) -> None:
         """
-        Forget the past and go on from a valve command, so that switching on makes no bump.
+        Reset, and continue from a valve command (bumpless transfer).
 
-        The setpoint is then approached from the pressure of the next reading.
+        The followed setpoint starts at the next pressure reading.
         """
         forget(self.state, command)
 
@@ -212,16 +212,16 @@ class PressurePid:
         setpoint, pressure : float, Pa (gauge)
             A setpoint of 0 or less ends in full exhaust.
         dt : float, s
-            Since the update before; 0 or less (a clock that jumped) gives the last command.
+            Time since the last update; if not positive (clock reset) the command is repeated.
         supply : float, Pa (gauge), optional
         volume : float, m^3, optional
-            Gas volume of the motor unit with its tubing, now.
+            Present gas volume of the motor unit with its tubing.
         volume_rate : float, m^3/s
 
         Notes
         -----
-        A setpoint or any reading that is not finite, or a volume of 0, shuts the valve; what
-        then has to happen (hold, vent) is the caller's decision.
+        A setpoint or reading that is not finite, or a volume of 0, shuts the valve; whether to
+        hold or to vent is the caller's decision.
         """
         return pressure_step(self.settings, self.state, setpoint, pressure, dt,
                              self._config.supply if supply is None else supply,

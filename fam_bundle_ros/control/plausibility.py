@@ -1,14 +1,14 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Holds a pressure against the air that the valve lets in.
+Check of a pressure reading against the air that the valve lets in.
 
-The valve and its commands bound what the pressure can do (ISO 6358); a pressure outside of the
-bounds by more than the margin between largest pressure and trip could hide one above the trip.
-Slow changes leave room for leaks, temperature and an inexact dead band: there it is the force
-that tells (`agreement`). Nothing here depends on the setpoint. Above the largest pressure, a rise
-that nothing explains is taken on to when an answer acts: what would be above the trip by then is
-too high now. Pressures are gauge; knows nothing of ROS.
+Valve and commands bound the possible pressure (ISO 6358). A reading outside the bounds by more
+than the margin between largest pressure and trip could hide a pressure above the trip. Slow
+changes may come from leaks, temperature or an inexact dead band: they are checked by the force
+(`agreement`). Nothing here depends on the setpoint. Above the largest pressure, an unexplained
+rise is extrapolated to the time at which the valve can react: what would be above the trip by
+then is a fault now. Pressures are gauge; independent of ROS.
 """
 
 from collections import deque
@@ -26,54 +26,54 @@ from fam_bundle_ros.model.pneumatics import (
     ValveFlow,
 )
 
-#: Least and largest of rate over model's rate: besides the doubt of the conductance the air may be
+#: Least and largest true rate over the model's rate: uncertainty of the conductance, and air
 #: anywhere between isothermal (1) and adiabatic (1.4) where the model takes POLYTROPIC.
 LEAST, MOST = ((1.0 - CONDUCTANCE_DOUBT) / POLYTROPIC,
                (1.0 + CONDUCTANCE_DOUBT) * 1.4 / POLYTROPIC)
-#: s: leaks and temperature move a pressure with about this time constant and slower.
+#: s: shortest time constant of leaks and temperature.
 _SLOW = 1.0
-#: Share of the largest pressure that is let in before a sensor is believed, and a sample more: a
-#: quarter of a fill where the valve is fast. A rig that reads commands by its own clock may miss
-#: one, so a second trial has to fail as well: together they are half a fill.
+#: Air let in by a trial, as a share of the largest pressure; with one sample more it is a quarter
+#: of a fill where the valve is fast. A rig that reads commands by its own clock may miss one, so a
+#: second trial has to fail as well: together they are half a fill.
 _TRIAL = 0.125
-#: Readings in a row outside the bounds: one alone may be a spike.
+#: Consecutive readings outside the bounds that show a fault: a single one may be a spike.
 _CONFIRM = 2
-#: How many delays from command to reading are tried, from none to the longest.
+#: Number of delays from command to reading that are tried, from 0 to the longest.
 _DELAYS = 6
-#: s in which the air of a trial has to be let in, to count.
+#: s: longest filling of a trial; a slower one is not evaluated.
 _TRIAL_TIME = 0.3
-#: s that a sensor on trial gets to answer; the valve is shut meanwhile.
+#: s: time for a sensor on trial to respond; the valve is shut meanwhile.
 _PATIENCE = 0.1
-#: s without an answer after which a driver may have vented by itself (docs/how_to/driver.md: 0.1).
+#: s without a command after which a driver may have vented by itself (docs/how_to/driver.md: 0.1).
 _WATCHDOG = 0.05
-#: s: longer than the longest lag and the samples that confirm.
+#: s: time at the start with a limited exhaust; longer than the lag and the confirming samples.
 _GENTLE_TIME = 0.1
-#: Command up to which an exhaust is opened meanwhile: a reversed valve lets in a tenth as much.
+#: Largest exhaust command meanwhile: a reversed valve then lets in a tenth of its full flow.
 GENTLE = 0.15
-#: s: readings that come closer together than this are looked at now and then.
+#: s: shortest interval of evaluated readings; those in between are skipped.
 _INTERVAL = 3.5e-3
-#: Commands that are remembered.
+#: Length of the history of commands.
 _PLACES = 256
 
 
 @dataclass(frozen=True)
 class InflowConfig:
     """
-    What is known of a motor unit's air.
+    Pneumatic data of a motor unit.
 
     Parameters
     ----------
     valve : ValveFlow
     supply : float, Pa (gauge)
-        As the parameter says; a reading counts where it is higher.
+        Value of the parameter; a reading is used where it is higher.
     max_pressure, margin : float, Pa
-        Largest pressure; error of the reading that is not taken: trip minus largest pressure.
+        Largest pressure; reading error that is tolerated: trip minus largest pressure.
     lag : float, s
-        Longest time from the reading that a command answers to a reading that shows its effect.
+        Longest time from a reading to the reading that shows the effect of its command.
     period : float, s
-        Between readings. In a longer gap the valve need not have acted for all of it.
+        Interval of readings. In a longer gap the valve may have acted for only this time.
     noise : float, Pa
-        What noise alone may do to the difference of two readings.
+        Largest difference of two readings due to noise.
     ambient : float, Pa (absolute)
     """
 
@@ -89,18 +89,18 @@ class InflowConfig:
 
 class Travel:
     """
-    How far a pressure must have moved since its reading last changed.
+    Change of the true pressure since its reading last changed, by the model.
 
-    A loop whose reading stands still hunts about it: its valve opens little, to and fro, so that
-    the bounds of `InflowWatch` prove nothing, while the pressure goes up and down. Its own models
-    of valve and chamber say by how much.
+    A loop with a frozen reading hunts: its valve opens a little in both directions, within the
+    bounds of `InflowWatch`, while the true pressure goes up and down. The loop's models of valve
+    and chamber tell by how much.
 
     Parameters
     ----------
     least : float, Pa
-        What the pressure must have moved by, up or down, to count.
+        Change of the pressure, up or down, that a working sensor must show.
     longest : float, s
-        Between readings; a gap counts for no more.
+        Longest interval between readings; a longer gap counts as this.
 
     Examples
     --------
@@ -118,15 +118,15 @@ class Travel:
 
     def see(self, time: float, pressure: float, rate: float) -> bool:
         """
-        Return whether the pressure must have moved since it last showed something else.
+        Return whether the pressure must have moved since the reading last changed.
 
         Parameters
         ----------
         time : float, s
         pressure : float, Pa
-            As it is shown.
+            Reading.
         rate : float, Pa/s
-            Since the reading before, by the loop's models of valve and chamber.
+            Mean since the reading before, by the loop's models of valve and chamber.
         """
         if pressure == self._shown:
             self._moved += rate * min(max(time - self._time, 0.0), self.longest)
@@ -139,12 +139,12 @@ class Travel:
 
 class InflowWatch:
     """
-    Holds the pressure shown against what the valve can have let in or out.
+    Check of a pressure reading against the air that the valve can have let in or out.
 
     After `begin` a sensor is on trial: at most an eighth of a fill, and a sample more, is let in
-    before the pressure has answered (`holding`); a trial that fails is repeated once. From then
+    before the reading has responded (`holding`); a trial that fails is repeated once. From then
     on bounds follow the reading: the lowest and the highest pressure that valve, supply and
-    motion allow, whatever the delay from command to reading is.
+    motion allow, for any delay from command to reading.
 
     Parameters
     ----------
@@ -155,11 +155,11 @@ class InflowWatch:
     Attributes
     ----------
     holding : bool
-        The valve has to stay shut until the sensor has answered.
+        The valve has to stay shut until the sensor has responded.
     gentle : bool
-        The exhaust is to be opened little at first: a reversed valve would fill.
+        The exhaust may only be opened a little at first: a reversed valve would fill.
     trusted : bool
-        The sensor has answered as much air as can be told from the errors of the valve.
+        The sensor has responded to more air than the errors of the valve can explain.
 
     Examples
     --------
@@ -180,7 +180,7 @@ class InflowWatch:
         self.begin()
 
     def change(self, config: InflowConfig) -> None:
-        """Go on with other settings."""
+        """Replace the settings."""
         self.config, valve = config, config.valve
         doubt = dead_band_doubt(valve.dead_band)
         self._wide, self._narrow = (
@@ -188,16 +188,16 @@ class InflowWatch:
             for band in (max(valve.dead_band - doubt, 0.0), valve.dead_band + doubt))
 
     def begin(self) -> None:
-        """Start anew, with a sensor that has shown nothing yet."""
+        """Reset: the sensor is on trial again."""
         self.holding = self.trusted = self._failed = False
         self.gentle = True
         self._commands: deque[tuple[float, float]] = deque(maxlen=_PLACES)
         self._time: float | None = None
-        #: s; a gap between readings counts for one period: a rig that is held up acts on nothing.
+        #: s; a gap between readings counts as one period: a stalled rig executes no commands.
         self._clock = 0.0
         self._before = 0.0
         self._volume: float | tuple[float, float] = math.nan
-        #: Lowest and highest pressure that can be shown, Pa, one for each delay.
+        #: Lowest and highest possible reading, Pa, for each delay.
         self._bottom, self._top = [0.0] * _DELAYS, [0.0] * _DELAYS
         self._spacing = self.config.lag / (_DELAYS - 1)
         self._below = self._above = 0
@@ -207,19 +207,19 @@ class InflowWatch:
 
     def _begin_trial(self) -> None:
         self.holding = False
-        #: Pressure at which the trial began; air let in since, by the model and at the least.
+        #: Pressure at the start of the trial; rise since then, by the model and at the least.
         self._start: float | None = None
         self._let_in = self._surely = 0.0
         self._held_since = self._trial_since = 0.0
 
     def commanded(self, command: float) -> None:
-        """Note the command that answers the last reading."""
+        """Record the command computed from the last reading."""
         self._commands.append((self._clock, command))
 
     def see(self, time: float, pressure: float, volume: float | tuple[float, float],
             supply: float = math.nan, gap: float = 0.0) -> tuple[str, str]:
         """
-        Take a reading; return cause and reason where it is impossible, else two empty texts.
+        Check a reading; return cause and reason if it is impossible, else two empty strings.
 
         Parameters
         ----------
@@ -227,12 +227,12 @@ class InflowWatch:
             Of the reading.
         pressure : float, Pa (gauge)
         volume : float or (float, float), m^3
-            Gas volume with tubing; least and largest where it is not known.
+            Gas volume with tubing; least and largest if it is not known.
         supply : float, Pa (gauge)
-            As it is read; nan where it is not.
+            Reading; nan without a sensor.
         gap : float, s
-            Between the arrivals of this reading and the one before. Commands may have been too
-            late for a rig, or a computer, that was held up while its stamps went on evenly.
+            Time between the arrivals of this reading and the one before. A stall of the rig or the
+            computer delays commands while the stamps stay regular.
         """
         if not math.isfinite(pressure):
             return '', ''
@@ -276,9 +276,9 @@ class InflowWatch:
         if heading > trip:
             return UNEXPLAINED_PRESSURE, (
                 f'{self.name} shows {kilopascals(pressure)} and rises to {kilopascals(heading)}, '
-                f'above {kilopascals(trip)}, before an answer acts; valve commands give '
+                f'above {kilopascals(trip)}, before the valve can react; commands give '
                 f'{kilopascals(max(self._top))} at most')
-        # No setpoint is above the largest pressure: there is nothing to wait for.
+        # No setpoint is above the largest pressure: no confirmation is needed.
         if self._above >= (1 if pressure > self.config.max_pressure else _CONFIRM):
             return UNEXPLAINED_PRESSURE, (
                 f'{self.name} shows {kilopascals(pressure)}; supply, valve commands and volume '
@@ -286,7 +286,7 @@ class InflowWatch:
         return '', ''
 
     def _range_of_commands(self, surely: float, delay: float) -> tuple[float, float]:
-        """Return least and largest command that acted since the reading before, for a delay."""
+        """Return least and largest command in effect since the reading before, for a delay (s)."""
         oldest, newest = self._clock - surely - delay, self._clock - delay
         low = high = -1.0
         for when, command in self._commands:
@@ -300,9 +300,9 @@ class InflowWatch:
 
     def _rate(self, command: float, pressure: float, volume: float, source: float, highest: bool
               ) -> float:
-        """Return the highest or lowest pressure rate that a command can mean, Pa/s."""
+        """Return the highest or lowest pressure rate that a command can cause, Pa/s."""
         config = self.config
-        # A dead band that is narrower opens wider.
+        # A narrower dead band means a wider opening.
         wide = (command > 0.0) == highest
         valve = self._wide if wide else self._narrow
         opening = valve_opening(valve, command)
@@ -314,20 +314,20 @@ class InflowWatch:
         return pressure_rate(absolute, volume, 0.0, (MOST if wide else LEAST) * flow)
 
     def _motion(self, pressure: float, volume: float, swept: float, highest: bool) -> float:
-        """Return the highest or lowest change of pressure by a change of volume, Pa."""
+        """Return the highest or lowest pressure change (Pa) by a volume change ``swept`` (m^3)."""
         exponent = 1.4 if (swept < 0.0) == highest else 1.0
         return -exponent * (max(pressure, 0.0) + self.config.ambient) * swept / volume
 
     def _bounds(self, dt: float, surely: float, pressure: float, small: float, large: float,
                 swept: float, source: float, held_up: bool) -> None:
         """
-        Move the bounds on, let them follow the reading, and count readings outside.
+        Advance the bounds, let them decay to the reading, and count readings outside.
 
-        What must happen counts for ``surely``, what may happen for all of ``dt`` (s).
+        Flow that must occur counts for ``surely`` (s), flow that may occur for ``dt`` (s).
         """
         config = self.config
         share = -math.expm1(-dt / _SLOW)
-        # Against the reading before as well: a spike moves no bound.
+        # Limited by the reading before as well, so that a spike moves no bound.
         least, most = sorted((pressure, self._before))
         same, moved = None, (0.0, 0.0)
         self._rise = 0.0
@@ -336,10 +336,10 @@ class InflowWatch:
             if held_up:
                 low = -1.0
             bottom, top = self._bottom[k], self._top[k]
-            # At rest all delays are alike.
+            # At rest all delays give the same bounds.
             if same != (low, high, bottom, top):
                 same = low, high, bottom, top
-                # Filling raises the small volume more; so does venting lower it.
+                # The smaller volume fills and vents faster.
                 least_rate = self._rate(low, bottom, large if low > 0.0 else small, source, False)
                 most_rate = self._rate(high, top, small if high > 0.0 else large, source, True)
                 bottom += (least_rate * (surely if least_rate > 0.0 else dt)
@@ -360,21 +360,21 @@ class InflowWatch:
 
     def _heading(self, dt: float, pressure: float) -> float:
         """
-        Return where an unexplained rise leads before the answer to this reading acts, Pa.
+        Return the pressure that an unexplained rise reaches before the valve can react, Pa.
 
-        The rise goes on as in the last ``dt`` (s) for the longest lag. Below the largest pressure
-        and where the rise may be explained it is the reading: setpoints lead there, too.
+        The rise of the last ``dt`` (s) is extrapolated over the longest lag. An explained rise is
+        not extrapolated; 0 up to the largest pressure, where setpoints may lead.
         """
         config = self.config
         if pressure <= config.max_pressure:
             return 0.0
-        # Above the bounds as well as since the reading before, which may have been a spike.
+        # Rise beyond the bounds and beyond the reading before, which may have been a spike.
         beyond = min(pressure - max(self._top), pressure - self._before - self._rise)
         return pressure + max(beyond - config.noise, 0.0) * config.lag / dt
 
     def _judge_trial(self, dt: float, pressure: float, volume: float, swept: float, source: float
                      ) -> str:
-        """Return what is wrong with a sensor on trial; empty while nothing is."""
+        """Return the fault of a sensor on trial as text, empty if there is none."""
         config = self.config
         command = self._commands[-1][1] if self._commands else -1.0
         if command < 0.0:
@@ -397,13 +397,13 @@ class InflowWatch:
         self.holding = self.holding or self._let_in >= _TRIAL * config.max_pressure
         if not self.holding:
             if self._clock - self._trial_since > _TRIAL_TIME:
-                # Air that is let in so slowly says little: leaks, dead band.
+                # So slow a filling cannot be judged: leaks, dead band.
                 self._begin_trial()
             return ''
         rise = pressure - self._start
         expected = self._surely - config.noise
         if rise >= expected:
-            # Told apart from half of it, or the next air is a trial again.
+            # Trusted if the certain rise exceeds half of the nominal one, else on trial again.
             self.trusted, self._failed = self._surely > 0.5 * self._let_in, False
             self._begin_trial()
         elif self._clock - self._held_since >= max(config.lag, _PATIENCE):

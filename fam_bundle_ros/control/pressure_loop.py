@@ -3,9 +3,9 @@
 """
 The pressure loop of one motor unit as step functions on records.
 
-Blocks: follow the setpoint -> error beyond noise -> PID and feed-forward -> inverse of chamber and
-valve -> anti-windup. Kernels (`fam_bundle_ros.kernels`): plain Python or compiled. `pid` has the
-settings with their meaning, and the loop as an object.
+Blocks: followed setpoint -> error beyond noise (dead zone) -> PID and feed-forward -> inverse of
+chamber and valve -> anti-windup. Kernels (`fam_bundle_ros.kernels`): plain Python or compiled.
+`pid` has the settings with their meaning, and the loop as an object.
 """
 
 from dataclasses import dataclass, field
@@ -13,14 +13,14 @@ import math
 from typing import Any
 
 from fam_bundle_ros.control.valve_learning import (
+    band_weight,
     begin_readings,
     command_of,
     dead_band_doubt,
-    flow_worth,
+    flow_weight,
     learn_dead_band,
     learn_flow,
     ValveLearningState,
-    worth,
 )
 from fam_bundle_ros.model.pneumatics import (
     flow_for,
@@ -34,27 +34,27 @@ from fam_bundle_ros.model.pneumatics import (
 #: Named as control_toolbox names them.
 ANTI_WINDUP = ('none', 'back_calculation', 'conditional_integration')
 _NONE, _BACK_CALCULATION = 0, 1
-#: Time in which a command that was taken over on switching on fades, s.
+#: s: decay time of the command that is taken over on start (bumpless transfer).
 _CARRY_TIME = 0.01
-#: Pa: on the way to a setpoint of 0, a followed setpoint below it has arrived.
+#: Pa: with a setpoint of 0, a followed setpoint below this counts as 0.
 _EMPTY = 1e3
-#: How well the lag from command to reading is believed to be known: a share, and of a sample.
+#: Uncertainty of the lag from command to reading: share of it, and share of a sample.
 _LAG_DOUBT, _SAMPLE_DOUBT = 0.1, 0.5
-#: Places for rates that are on their way to the reading.
+#: Length of the ring buffers over the lag from command to reading.
 _PLACES = 64
-#: A wide opening is over when so many lags from command to reading have passed.
+#: Decay time of the effect of a wide opening, in lags from command to reading.
 _GONE = 3.0
-#: Share of the valve's rate that leaks and slow errors may take. Feedback that asks for more and
-#: is not answered has met a fault, which the integral must not learn.
+#: Limit of the integral, for leaks and slow errors, as a share of the valve's rate. An error that
+#: needs more is a fault, which the integral must not compensate.
 _SLOW_SHARE = 0.05
 
 
 @dataclass
 class PidDiagnostics:
     """
-    What the loop did in the last update: Pa, Pa/s, -1..1.
+    Diagnostics of the last update: Pa, Pa/s, -1..1.
 
-    ``expected_rate`` is what the pressure does by the models of valve and chamber.
+    ``expected_rate`` is the pressure rate by the models of valve and chamber.
     """
 
     error: float = 0.0
@@ -99,18 +99,18 @@ class PidState:
     Attributes
     ----------
     command : float
-        To the valve, the last one.
+        Last valve command.
     integral, carried : float, Pa/s
-        ``carried`` is the pressure rate of a command that was taken over; it fades.
+        ``carried`` is the pressure rate of a command that was taken over; it decays.
     followed : float, Pa
-        The setpoint within what the valve can do.
+        Setpoint, limited to what the valve can follow.
     sent : float, Pa
-        Integral of the pressure rates that were commanded.
+        Integral of the commanded pressure rates.
     past_time, past_sent, past_open, past_flow : list (64,), s, Pa, s and s
-        Ring of it, and of `ValveLearningState.open` and ``flow``, over the lag from command to
-        reading; ``head`` is the oldest of ``size``.
+        Ring buffers of time, ``sent``, `ValveLearningState.open` and ``flow`` over the lag from
+        command to reading; ``head`` is the oldest of ``size`` entries.
     coming : float, Pa
-        What commands will still change that the reading does not show yet.
+        Pressure change that was commanded and that the reading does not show yet.
     clock : float, s
     filtered, quiet : float, Pa
         Reading and error, filtered.
@@ -146,8 +146,8 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     """
     Return the valve command, -1 exhaust .. 0 closed .. 1 fill; see `PressurePid.update`.
 
-    The wanted pressure rate is that of the followed setpoint plus PID on what is left of the
-    error; inverting chamber and valve makes it a command (feedback linearisation: Slotine and Li,
+    The wanted pressure rate is that of the followed setpoint plus PID on the error;
+    inverting chamber and valve makes it a command (feedback linearisation: Slotine and Li,
     Applied Nonlinear Control, 1991, ch. 6).
 
     Parameters
@@ -165,21 +165,21 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     if not dt > 0.0:
         return state.command
     source = supply + settings.ambient
-    # The pressure that the command will meet: the reading does not show the last commands yet.
+    # Predicted pressure: the reading does not show the last commands yet.
     absolute = max(pressure + (state.coming if state.started else 0.0), 0.0) + settings.ambient
     learnt = state.learnt
     ambient = settings.ambient
     filling = learnt.fill_flow * valve_flow(settings.valve, 1.0, absolute, source, ambient)
     venting = learnt.vent_flow * valve_flow(settings.valve, -1.0, absolute, source, ambient)
-    # What the muscle's motion does to the pressure with the valve shut.
+    # Pressure rate due to the muscle's motion, with the valve shut.
     drift = pressure_rate(absolute, volume, volume_rate, 0.0)
     fastest = pressure_rate(absolute, volume, volume_rate, filling)
     slowest = pressure_rate(absolute, volume, volume_rate, venting)
     full, widest = fastest - drift, 1.0
     if settings.reach > 0.0:
-        # A command that is held for longer than meant must not fill above the ceiling.
+        # A command that is held for too long must not fill above the ceiling.
         allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, drift)
-        # Nor must a flow that was learnt to be less than told, and may be back.
+        # The same for a flow that was learnt below its nominal value and may recover.
         surely = full / min(learnt.fill_flow, 1.0)
         if drift + surely > allowed:
             widest = (allowed - drift) / surely
@@ -192,13 +192,13 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     flow_then = past_value(state, state.past_flow, state.clock - lag)
     error = error_beyond_noise(settings, state, pressure, dt)
     doubt = dead_band_doubt(settings.valve.dead_band)
-    given = learn_dead_band(learnt, doubt, pressure, state.sent - state.coming, open_then,
-                            state.integral, full, drift - slowest, lag, dt)
-    given += learn_flow(learnt, flow_then, state.integral, full, drift - slowest, lag, dt)
-    if given * state.integral > 0.0:
-        state.integral -= math.copysign(min(abs(given), abs(state.integral)), given)
+    compensated = learn_dead_band(learnt, doubt, pressure, state.sent - state.coming, open_then,
+                                  state.integral, full, drift - slowest, lag, dt)
+    compensated += learn_flow(learnt, flow_then, state.integral, full, drift - slowest, lag, dt)
+    if compensated * state.integral > 0.0:
+        state.integral -= math.copysign(min(abs(compensated), abs(state.integral)), compensated)
     if setpoint <= 0.0 and state.followed <= _EMPTY:
-        # Open to exhaust for good: a reading that is wrong must not shut the air in.
+        # Keep the exhaust open: a wrong reading must not trap the air.
         state.integral = state.carried = 0.0
         state.command = -1.0
         send(state, max(slowest * dt, -max(pressure + state.coming, 0.0)), 0.0, 0.0)
@@ -218,12 +218,12 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         limit = filling if flow >= 0.0 else -venting
         opening = min(max(flow / max(limit, 1e-12), -1.0), widest)
         possible = min(max(wanted, slowest), fastest)
-    # The integral makes up for what the model of the rate leaves out: it moves nothing.
-    # The spool follows late: what a wide opening let in besides says nothing of the dead band.
+    # The integral compensates for errors of the rate model: it adds no pressure change.
+    # The spool follows late: after a wide opening the reading says little about the dead band.
     learnt.wide = max(abs(opening), learnt.wide * math.exp(-dt / (_GONE * lag)))
-    shown = math.copysign(dt * worth(learnt.wide, doubt), opening) if opening != 0.0 else 0.0
+    shown = math.copysign(dt * band_weight(learnt.wide, doubt), opening) if opening != 0.0 else 0.0
     send(state, (0.0 if at_rest else possible - state.integral) * dt, shown,
-         dt * flow_worth(opening, learnt.wide, doubt))
+         dt * flow_weight(opening, learnt.wide, doubt))
     integrate(settings, state, error, rate, possible - wanted, dt, at_rest,
               _SLOW_SHARE * min(slowest, 0.0), _SLOW_SHARE * max(fastest, 0.0))
     state.command = opening
@@ -236,7 +236,7 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
 
 
 def forget(state: Any, command: float) -> None:
-    """Forget the past and go on from a valve command."""
+    """Reset, and continue from a valve command (bumpless transfer)."""
     state.command = min(max(command, -1.0), 1.0)
     state.integral = state.carried = 0.0
     state.followed = state.filtered = state.quiet = 0.0
@@ -247,7 +247,16 @@ def forget(state: Any, command: float) -> None:
 
 def start(settings: Any, state: Any, pressure: float, source: float, volume: float,
           volume_rate: float) -> None:
-    """Begin at the pressure as it is, with the rate that continues the last command."""
+    """
+    Start from the present pressure, with the rate that continues the last command.
+
+    Parameters
+    ----------
+    settings, state : PidSettings, PidState
+    pressure, source : float, Pa (gauge) and Pa (absolute)
+        Reading, and supply.
+    volume, volume_rate : float, m^3 and m^3/s
+    """
     state.started = True
     state.followed = state.filtered = pressure
     state.past_time[0] = state.past_sent[0] = state.past_open[0] = state.past_flow[0] = 0.0
@@ -266,12 +275,20 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
     Move the followed setpoint within valve and rate limits; return its rate, Pa/s.
 
     First-order, x' = w (setpoint - x), limited: a reference governor for the feed-forward.
+
+    Parameters
+    ----------
+    settings, state : PidSettings, PidState
+    setpoint, pressure : float, Pa (gauge)
+    dt : float, s
+    fastest, slowest : float, Pa/s
+        Pressure rates with the valve fully open to fill and to exhaust.
     """
     # At most half of the distance per sample: the filter must not ring at low rates.
     bandwidth = min(settings.setpoint_bandwidth, 0.7 / dt)
     upper = min(0.97 * max(fastest, 0.0), settings.setpoint_rate)
     lower = max(0.97 * min(slowest, 0.0), -settings.setpoint_rate)
-    # Above both setpoint and reading there is no air that the valve would have to let out.
+    # Above both setpoint and reading it may fall at once: no air has to be vented for it.
     lower = min(lower, (max(setpoint, pressure) - state.followed) * bandwidth)
     rate = min(max((setpoint - state.followed) * bandwidth, lower), upper)
     state.followed += rate * dt
@@ -280,10 +297,15 @@ def follow(settings: Any, state: Any, setpoint: float, pressure: float, dt: floa
 
 def send(state: Any, change: float, shown: float, passed: float) -> None:
     """
-    Note the pressure change (Pa) that the command of this tick will make.
+    Record the pressure change that the command of this tick will cause.
 
-    ``shown`` and ``passed`` (s) are for how long it opens the valve, as far as the reading will
-    show the dead band and the flow, below 0 to exhaust.
+    Parameters
+    ----------
+    state : PidState
+    change : float, Pa
+    shown, passed : float, s
+        Opening times, negative to exhaust, weighted by how well the reading will show the dead
+        band and the flow.
     """
     state.sent += change
     state.learnt.open += shown
@@ -295,10 +317,10 @@ def send(state: Any, change: float, shown: float, passed: float) -> None:
 
 def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
     """
-    Return between which limits the pressure lies that is commanded and not yet read, Pa.
+    Return lower and upper limit of the pressure change that is commanded and not yet read, Pa.
 
-    The prediction of an integrator with a known dead time (Smith 1959, ISA J. 6, 28): between
-    limits, since the dead time is known to a tenth and half a sample.
+    Smith predictor of an integrator with dead time (Smith 1959, ISA J. 6, 28), with limits, since
+    the dead time is only known to a tenth and half a sample.
     """
     lag = settings.flow_lag + dt
     doubt = _LAG_DOUBT * lag + _SAMPLE_DOUBT * dt
@@ -310,7 +332,7 @@ def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
     state.coming = state.sent - past_value(state, sent, state.clock - lag)
     first = state.sent - past_value(state, sent, state.clock - lag - doubt)
     last = state.sent - past_value(state, sent, state.clock - lag + doubt)
-    # Room for what this tick will send; at short sample times not every one has a place.
+    # Add an entry for this tick; at short sample times several ticks share one.
     end = head + size - 1
     near = size >= 2 and state.clock - times[(end - 1) % _PLACES] < lag / (_PLACES - 16)
     state.clock += dt
@@ -323,7 +345,7 @@ def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
 
 
 def past_value(state: Any, values: Any, time: float) -> float:
-    """Return what one of the rings held at a time (s), linear between samples."""
+    """Return the value of a ring buffer at a time (s), linear between samples."""
     times = state.past_time
     k, end = state.head, state.head + state.size - 1
     while k < end and times[(k + 1) % _PLACES] <= time:
@@ -361,16 +383,16 @@ def integrate(settings: Any, state: Any, error: float, rate: float, excess: floa
     Parameters
     ----------
     error, rate, excess : float, Pa and Pa/s
-        Beyond the quiet band; of the followed setpoint; possible minus wanted rate.
+        Error beyond the quiet band; rate of the followed setpoint; possible minus wanted rate.
     low, high : float, Pa/s
-        What leaks and slow errors may take.
+        Limits of the integral: leaks and slow errors.
     """
     if at_rest:
-        # Nothing to correct: what was learnt on the move must not creep at rest.
+        # No error at rest: discharge the integral, which would let the pressure creep.
         state.integral *= math.exp(-dt / 0.1)
         return
     if abs(rate) > 4.0 * settings.p * settings.quiet_error:
-        # The integral learns leaks and slow errors, not what the flow model misses in a step.
+        # The integral compensates leaks and slow errors, not errors of the flow model in a step.
         return
     step = settings.i * error * dt
     if settings.anti_windup == _NONE:
@@ -388,7 +410,7 @@ def integrate(settings: Any, state: Any, error: float, rate: float, excess: floa
 
 def show(state: Any, error: float, wanted: float, possible: float, saturated: bool,
          at_rest: bool) -> None:
-    """Write down what the loop did."""
+    """Write the diagnostics."""
     shown = state.shown
     shown.error, shown.followed_setpoint = error, state.followed
     shown.wanted_rate, shown.expected_rate = wanted, possible

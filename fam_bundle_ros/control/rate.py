@@ -1,13 +1,14 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The strain rate that a model is asked about, from strain readings, without noise at rest.
+Strain rate for the model, estimated from strain readings, without noise at rest.
 
-Dry friction turns the sign of the rate into newtons. At rest the sign of a measured rate is noise;
-at a reversal a sign that is seen late costs twice the friction. So parabolas are fitted to the
-readings over windows of several lengths. The longest whose rate agrees with those of all shorter
-ones within their noise is believed (intersection of confidence intervals: Goldenshluger and
-Nemirovski 1997, Math. Methods Stat. 6, 135), and its curvature tells the rate ahead. Kernels.
+In a model with dry friction the sign of the rate changes the force. At rest the sign of a measured
+rate is noise; at a reversal a delayed sign costs an error of twice the friction. So parabolas are
+fitted to the readings over windows of several lengths. The longest window whose rate agrees with
+those of all shorter ones within their noise is used (intersection of confidence intervals:
+Goldenshluger and Nemirovski 1997, Math. Methods Stat. 6, 135); its curvature predicts the rate.
+Kernels.
 """
 
 from dataclasses import dataclass, field
@@ -22,20 +23,21 @@ from fam_bundle_ros.control.observer import (
     second_difference,
 )
 
-#: s: the shortest window; how many there are, each twice as long as the one before.
+#: s: shortest window; number of windows, each twice as long as the one before.
 _SHORTEST, _WINDOWS = 0.01, 5
-#: Windows agree within so many sd of their rates.
+#: Tolerance for the agreement of windows, in sd of their rates.
 _AGREE = 2.0
-#: A motion begins when its rate is beyond so many sd, is over below the second, and goes on
-#: backwards, as after a reversal, beyond the third within a window.
+#: Thresholds of the rate in sd: a motion begins above the first and ends below the second; after
+#: a reversal, within a window, it begins above the third.
 _BEGIN, _END, _BACK = 12.0, 1.25, 4.0
-#: s: least time for that.
+#: s: least duration of that window.
 _TURN = 0.04
-#: Up to this window (s) a quick rate, which does not overshoot a stop, must say so by so many sd.
+#: Windows up to this length (s) need confirmation by the quick rate, which does not overshoot at a
+#: stop, by this many sd.
 _SHORT, _SURE = 0.02, 2.0
-#: Nothing is believed before so many readings: their noise is not known.
+#: Number of first readings without an estimate, as their noise is not known.
 FIRST = 10
-#: Least noise of a strain reading; a change that may be noise, whatever was seen before.
+#: Least noise of a strain reading; change that may be noise, whatever the estimate.
 _LEAST, _USUAL = 1e-7, 1e-4
 
 
@@ -47,21 +49,21 @@ class RateState:
     Attributes
     ----------
     reading : float
-        The strain before.
+        Last strain.
     once, twice, thrice : list (5,)
-        Strain behind one, two and three lags of each window.
+        Strain after one, two and three lags of each window.
     rate, slope, window : float, 1/s, 1/s^2, s
-        What is believed, and its window.
+        Estimated rate and acceleration, and the window used.
     quick : float, 1/s
         Rate in the shortest window, without its curvature.
     direction, ended : int
-        Of the motion, 0 for none; of the one that ended last.
+        Direction of the motion, 0 for none; of the last motion that ended.
     since, back : float, s
-        Since it ended; for so long it may go on backwards.
+        Time since it ended; time for the threshold after a reversal.
     last, before, change : float
-        Strain in the ticks before, and mean size of second differences; ``seen`` so far.
+        Strain one and two ticks ago, mean size of second differences; ``seen``: number of samples.
     lately : float
-        That mean over the shortest window.
+        The same mean over the shortest window.
     """
 
     reading: float = 0.0
@@ -84,7 +86,7 @@ class RateState:
 
 
 def forget_rate(state: Any) -> None:
-    """Begin anew."""
+    """Reset."""
     state.rate = state.slope = state.quick = state.change = state.lately = 0.0
     state.direction, state.ended, state.since = 0, 0, math.inf
     state.seen = 0
@@ -92,14 +94,14 @@ def forget_rate(state: Any) -> None:
 
 def quiet_rate(state: Any, strain: float, dt: float) -> float:
     """
-    Return the strain rate to be believed, 1/s; 0 for the first ten readings.
+    Return the estimated strain rate, 1/s; 0 at rest and for the first ten readings.
 
     Parameters
     ----------
     state : RateState
     strain : float
     dt : float, s
-        Since the reading before.
+        Time since the reading before.
 
     Examples
     --------
@@ -115,7 +117,7 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
         state.reading = state.last = state.before = strain
         for k in range(_WINDOWS):
             state.once[k] = state.twice[k] = state.thrice[k] = strain
-    # Noise may set in at once, as where a gauge that stood begins to waver between two readings.
+    # Noise may start suddenly, as where a constant reading begins to toggle between two values.
     change = second_difference(state, strain)
     state.lately += low_pass(dt, _SHORTEST) * (change - state.lately)
     learn_noise(state, strain, _USUAL, dt)
@@ -130,9 +132,9 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
 
 def rate_ahead(state: Any, time: float) -> float:
     """
-    Return the rate to be believed in a time (s), 1/s: with the curvature, but never backwards.
+    Return the rate predicted after a time (s), 1/s: with the curvature, but without reversal.
 
-    Whether a motion that slows down will stop or turn shows only when it is there.
+    Whether a decelerating motion will stop or reverse cannot be predicted.
     """
     if state.direction == 0:
         return 0.0
@@ -142,10 +144,10 @@ def rate_ahead(state: Any, time: float) -> float:
 
 def believe_window(state: Any, strain: float, noise: float, dt: float) -> None:
     """
-    Advance the windows by one reading, and choose one.
+    Update the windows with one reading, and choose one.
 
     Triple exponential smoothing (Brown 1963, Smoothing, Forecasting and Prediction) by three lags
-    in a row, each exact for what is linear between readings.
+    in series, each exact for a strain that is linear between readings.
     """
     window, low, high, agree = _SHORTEST, -math.inf, math.inf, True
     for k in range(_WINDOWS):
@@ -173,17 +175,17 @@ def rate_doubt(window: float, dt: float) -> float:
     """
     Return the sd of a window's rate over that of the readings, 1/s.
 
-    The rate is the readings' mean with weights (3 - 5 u + u^2) exp(-u)/T^2, u = t/T.
+    The rate is a sum of the readings with weights (3 - 5 u + u^2) exp(-u)/T^2, u = t/T.
     """
     return math.sqrt(1.75 * dt / window) / window
 
 
 def find_direction(state: Any, noise: float, lately: float, dt: float) -> None:
     """
-    Say whether there is a motion, and in which direction.
+    Detect motion and its direction.
 
-    ``noise`` is that of the readings, and ``lately`` that of the last few if it is more: then
-    nothing begins.
+    ``noise`` is that of the readings; ``lately`` that of the last few where it is larger, which
+    raises the thresholds for a new motion.
     """
     doubt = noise * rate_doubt(state.window, dt)
     state.since += dt

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Why the controller switched: a number in the loop, a sentence outside."""
+"""Reasons for switching: codes in the kernels, sentences for the user."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -12,14 +12,14 @@ NONE = 0
 FROM_REST, BEYOND, AHEAD = 1, 2, 3
 BELOW, UNREACHABLE, AT_REST, ABSENT, TURNED_BACK, CHEAP = 4, 5, 6, 7, 8, 9
 LOST = 10
-#: Of orderly switching without a model.
+#: For orderly switching without a model.
 FULL, EMPTY = 11, 12
 
 
 @dataclass
 class Reason:
     """
-    Why the controller switched in this tick, with the numbers that it rests on.
+    Why the controller switched in this tick, with the numbers it is based on.
 
     Attributes
     ----------
@@ -28,13 +28,13 @@ class Reason:
     state : int
         k of RSk before the switch.
     force, level, limit, crossing : float, N
-        Demand; what it is compared with; largest force of the state; demand above which the
-        push-back of the next unit could not be made up for.
+        Demand; level it is compared with; largest force of the state; demand above which the
+        push-back of the next unit could not be compensated.
     rate : float, N/s
     time : float, s
-        At rest, absent, or without a reading for so long.
+        Time at rest, below the level, or without a reading.
     pressure : float, Pa
-        That the unit holds at least.
+        Bottom pressure of the unit.
     """
 
     why: int = 0
@@ -56,7 +56,7 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
     ----------
     reason : Reason, or a record of one
     names : sequence of str
-        Of the motor units in their order of recruitment.
+        Motor units in their order of recruitment.
 
     Examples
     --------
@@ -70,23 +70,23 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
         return f'vent: no usable reading for {r.time:.2f} s'
     if r.why == FULL:
         return f'recruit {names[state]}: ' + (
-            f'{names[state - 1]} is full and more is asked for' if state else 'force is asked for')
+            f'{names[state - 1]} is full, demand is higher' if state else 'there is a demand')
     if r.why == EMPTY:
-        return f'release {names[state - 1]}: it is empty and less is asked for'
+        return f'release {names[state - 1]}: it is empty, demand is lower'
     if r.why <= AHEAD:
         text = {
-            FROM_REST: f'demand {force:.1f} N above {r.level:.1f} N; at rest there are '
+            FROM_REST: f'demand {force:.1f} N above {r.level:.1f} N; vented it gives '
                            f'{r.limit:.1f} N',
             BEYOND: f"demand {force:.1f} N above RS{state}'s {r.limit:.1f} N by more than "
                         f'{r.level - r.limit:.1f} N',
             AHEAD: f"demand {force:.1f} N rising by {r.rate:.1f} N/s towards RS{state}'s "
                        f'{r.limit:.1f} N; above {r.crossing:.1f} N its push-back of '
-                       f'{r.limit - r.crossing:.1f} N could not be made up for'}[int(r.why)]
+                       f'{r.limit - r.crossing:.1f} N could not be compensated'}[int(r.why)]
         return f'recruit {names[state]}: {text}'
     below = f'demand {force:.1f} N below {r.level:.1f} N'
     text = {
         BELOW: below,
-        UNREACHABLE: f'demand {force:.1f} N below the {r.level:.1f} N that RS{state} can',
+        UNREACHABLE: f'demand {force:.1f} N below {r.level:.1f} N, the least force of RS{state}',
         AT_REST: f'{below} and at rest for {r.time:.1f} s',
         ABSENT: f'{below} for {r.time:.1f} s',
         TURNED_BACK: f'{below} and turned back before it was needed',

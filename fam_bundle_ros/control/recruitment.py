@@ -3,10 +3,10 @@
 """
 Which motor units are on: the state machine over RS0..RSn.
 
-Between RSk and RSk+1 lies an overlap: demands that both can give. The machine climbs at the last
-moment at which the next unit's push-back can still be made up for, and only when the demand is
-heading beyond the present state; it goes back when the demand has come to rest below the overlap.
-`switching` does the work; how the unit is then moved is the business of `crossing`.
+Between RSk and RSk+1 lies an overlap: forces that both can give. The next unit is recruited at the
+last moment at which its push-back can still be compensated, and only if the demand is predicted to
+exceed the present state; it is released when the demand is at rest below the overlap. `switching`
+has the logic; `crossing` then moves the unit's pressure.
 """
 
 from dataclasses import dataclass
@@ -34,30 +34,29 @@ class SwitchingConfig:
     Parameters
     ----------
     policy : str
-        ``neglect`` compares the demand with the ideal model's limits, no more; ``hysteresis``
-        knows the resistive forces and keeps a band; ``reversal_aware`` (default) besides crosses
-        the falling branch with compensation and looks where the demand is heading.
+        ``neglect`` only compares the demand with the ideal model's limits; ``hysteresis`` includes
+        the resistive forces and a hysteresis band; ``reversal_aware`` (default) also crosses the
+        falling branch with compensation, and predicts the demand.
     dwell : float, s
-        Least time between a switch and the opposite one. With ``reversal_aware`` a reference that
-        is beyond the limit does not wait.
+        Least time between a switch and the opposite one; with ``reversal_aware`` not for a
+        reference beyond the limit.
     margin, hysteresis : float, N, optional
-        By hand; worked out from model, error and noise otherwise.
+        Switching margin and hysteresis; by default from the model's error and noise.
     rest_time : float, s
-        The demand counts as at rest, and a unit that it does not need is released, after this.
+        Time at rest after which a unit that the demand does not need is released.
     absence_time : float, s
-        A unit that moving demands have not needed for so long is released too: refilling it for
-        every cycle of a fast demand would cost more air than keeping it.
+        Time after which a unit that a moving demand has not needed is released too: refilling it
+        in every cycle of a fast demand would cost more air than keeping it.
     worth : float
-        While the demand moves, a unit is released at once where the pressure that it holds at
-        least is below this share of the most since it was recruited: to fill it again from there
-        costs (nearly) nothing.
+        While the demand falls, a unit is released at once where its bottom pressure is below this
+        share of the largest one since it was recruited: refilling it costs almost no air.
     rest_rate : float, 1/s
         Demands that change by less than this share of the bundle's range per second are at rest.
     horizon : float, s
-        How far ahead a rising demand is followed where all of the dip can still be made up for;
-        not at all where none of it can.
+        Look-ahead of a rising demand where the whole dip can still be compensated; it shrinks to 0
+        where none of it can.
     crossing_rate : float, Pa/s
-        Largest pressure rate of any unit while one is crossed: what valve and supply surely do.
+        Largest pressure rate of any unit during a crossing, within reach of valve and supply.
     """
 
     policy: str = 'reversal_aware'
@@ -72,7 +71,7 @@ class SwitchingConfig:
     crossing_rate: float = 2e6
 
     def __post_init__(self):
-        """Refuse what cannot be meant."""
+        """Check the ranges of the settings."""
         if self.policy not in POLICIES:
             raise InputError(f"policy is '{self.policy}'; expected one of {', '.join(POLICIES)}")
         for name in ('dwell', 'rest_time', 'absence_time', 'rest_rate', 'horizon'):
@@ -102,7 +101,7 @@ class RecruitmentMachine:
     units : int
     config : SwitchingConfig
     names : sequence of str, optional
-        Of the motor units in their order of recruitment, for the explanations.
+        Motor units in their order of recruitment, for the explanations.
     """
 
     def __init__(self, units: int, config: SwitchingConfig = SwitchingConfig(), names=None):
@@ -119,15 +118,15 @@ class RecruitmentMachine:
 
     @property
     def margins(self) -> Margins:
-        """Return the forces at which it would switch."""
+        """Return the forces at which the machine would switch."""
         return self.memory.margins
 
     def reset(self, state: int = 0) -> None:
-        """Start in a state, free to switch at once."""
+        """Reset to a state, without dwell time."""
         start_machine(self.memory, state)
 
     def update(self, dt: float, curves: Any, demand: Demand) -> str:
-        """Advance one tick with the `Curves` of now; return why it switched, in words, or ''."""
+        """Advance one tick with the `Curves` of now; return why it switched, as text, or ''."""
         reason = Reason()
         switch_step(self._settings, self.memory, curves.table, demand, dt, reason)
         return sentence(reason, self._names)

@@ -3,10 +3,11 @@
 """
 The recruitment controller as one step function on records.
 
-Blocks of a tick: quiet rate -> force that the model believes -> outer loop -> curves at this
-strain -> heading of the demand -> state machine -> crossings and allocation -> command. Readings
-that are lost hold the command, then vent. Kernels (`fam_bundle_ros.kernels`): plain Python or
-compiled; `controller` has the settings with their meaning, and the loop as an object.
+One tick: filtered strain rate -> model force at the measured pressures -> outer loop -> force
+curves at this strain -> rate of the demand -> state machine -> crossings and allocation ->
+command. Without usable readings the command is held, then all units are vented. Kernels
+(`fam_bundle_ros.kernels`): plain Python or compiled; `controller` has the settings with their
+meaning, and the loop as an object.
 """
 
 from dataclasses import dataclass, field
@@ -76,9 +77,9 @@ from fam_bundle_ros.control.transition import patience, switch_units
 
 #: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
 _STEP = 2.0
-#: rad/s: bandwidth at which rates are worked out; s: over which those of the limits are.
+#: rad/s: bandwidth of the rate filters; s: time step for the rate of the force limits.
 _BRISK, _AHEAD = 80.0, 0.01
-#: Pa: a pressure that is further from its setpoint for long is on its way or has met a fault.
+#: Pa: largest lasting error of a healthy pressure loop; more is a transient or a fault.
 _LOOSE = 5e3
 
 
@@ -99,26 +100,26 @@ class RecruitmentSettings:
 @dataclass
 class RecruitmentState:
     """
-    Memory of the controller, and its room to work in.
+    Memory and work space of the controller.
 
     Attributes
     ----------
     table : CurveTable
-        Of the tick before; its constants are the grid and the order of recruitment.
+        Curves of the tick before; its constants are the grid and the order of recruitment.
     asleep : list (n,) of int
-        1 for units that were of no use in the tick before.
+        1 for units that could not add force in the tick before.
     wanted, limits : HeadingState
-        Of the demand, and of what RS0..RSn can give.
+        Rate filters of the demand, and of the largest forces of RS0..RSn.
     heading_kind : int
-        Of the reference before, -1 for none.
+        Kind of the last reference, -1 for none.
     clock : float, s
-        Of the model; ``begun`` is false before the first tick.
+        Time of the model; ``begun`` is false before the first tick.
     lost : float, s
-        Without a usable reading for so long.
+        Time without a usable reading.
     units, fixed : list (n,)
-        Units to be filled in turn; pressures that are given, nan elsewhere.
+        Active units in the order of filling; prescribed pressures, nan for the other units.
     final, shares : Shares
-        Allocation once all have arrived, and now.
+        Allocation after all crossings, and now.
     """
 
     table: CurveTable
@@ -155,7 +156,7 @@ def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentSt
 
 
 def start_recruitment(settings: Any, state: Any, command: Any) -> None:
-    """Start afresh: RS0 (or all on), nothing learnt, vented."""
+    """Vent, and reset state machine (RS0, or all units on), observers and filters."""
     n = len(command.pressure)
     start_machine(state.machine, n if settings.scheme == ALL_ON else 0)
     forget_outer(state.outer)
@@ -170,17 +171,17 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
 
 def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command: Any) -> None:
     """
-    Start from the pressures as they are (bumpless transfer): see `RecruitmentController.enable`.
+    Start from the present pressures (bumpless transfer): see `RecruitmentController.enable`.
 
     The arguments are those of `recruitment_step`.
     """
     start_recruitment(settings, state, command)
     table = state.table
     if settings.scheme != ALL_ON:
-        ask(table, measurement.strain, 0.0, 0.0, 0.0, True)
+        set_moment(table, measurement.strain, 0.0, 0.0, 0.0, True)
         tabulate(table, model)
         find_branches(table, state.asleep)
-        # A unit on its falling branch is not on: it will be vented or crossed anew.
+        # A unit on its falling branch counts as off: it will be vented or crossed again.
         on = 0
         for k in range(len(table.order)):
             unit = table.order[k]
@@ -190,7 +191,7 @@ def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command
     for unit in range(len(table.order)):
         state.asleep[unit] = 0
         pressure = measurement.pressure[unit]
-        # Until the first tick, and in it, these are what was commanded.
+        # Up to and including the first tick these count as the commanded pressures.
         command.pressure[unit] = 0.0 if math.isnan(pressure) else min(
             max(pressure, 0.0), settings.max_pressure[unit])
     show_state(state, command)
@@ -206,14 +207,14 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     ----------
     settings, state : RecruitmentSettings, RecruitmentState
     model : Belief
-        Its memory goes on with each tick.
+        Its memory is updated.
     measurement : MeasurementRecord, or any record with its fields
     kind, value, rate : int, float, float
         Reference: `outer_loop.FORCE` (N, N/s) or `STRAIN` (1, 1/s).
     dt : float, s
-        Since the tick before; not positive (a clock that jumped) changes nothing.
+        Time since the tick before; a step that is not positive (clock reset) is ignored.
     command : CommandRecord
-        The answer; it must be that of the tick before.
+        Input: the command of the tick before. Output: the new command.
     """
     if not dt > 0.0:
         return
@@ -229,7 +230,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
                       value, dt, command)
         return
     table, outer = state.table, state.outer
-    # The strain loop damps with the rate as measured; the model has no use for its noise.
+    # The strain loop damps with the measured rate; the model takes a filtered one.
     direction = state.rate.direction
     before = state.rate.rate if direction != 0 else 0.0
     strain_rate = quiet_rate(state.rate, measurement.strain, since)
@@ -239,9 +240,9 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     turned = state.rate.direction != direction
     known = 0.0
     if turned:
-        ask(table, measurement.strain, before, state.clock, dt, start)
+        set_moment(table, measurement.strain, before, state.clock, dt, start)
         known = believed_force(table, model, measurement.pressure, state.adaptation.force)
-    ask(table, measurement.strain, strain_rate, state.clock, dt, start)
+    set_moment(table, measurement.strain, strain_rate, state.clock, dt, start)
     force = believed_force(table, model, measurement.pressure, state.adaptation.force)
     if turned:
         jump = force - known
@@ -251,51 +252,52 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
     learnt = state.adaptation
     outer_step(settings.outer, outer, measurement, believed,
-               outer.demand - state.shares.missing, reach_of(table, command.pressure), kind, value,
-               rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+               outer.demand - state.shares.missing, loop_error(table, command.pressure), kind,
+               value, rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
     learn_friction(outer.friction, state.rate.direction, quick_of(outer.observer),
                    quick_noise(outer.observer, outer.lag, dt), outer.lag, dt)
-    # What a hand-over makes of the error is no lateness.
+    # The tracking error during a crossing is not due to the lag.
     if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
                    value - outer.behind * rate - measurement.force, rate, outer.lag, dt)
-    # Where the strain will be when the pressures are there.
+    # Predicted strain when the commanded pressures are reached.
     ahead = settings.outer.delay + settings.outer.lead_time
     coming = measurement.strain + ahead * strain_rate
     follows = kind == STRAIN and settings.outer.feed_forward
-    # A force reference says nothing of the strain: there it is the measured rate that counts.
+    # A force reference does not prescribe a strain: use the measured rate.
     if follows:
         strain_rate = outer.target.strain_rate
     elif kind != STRAIN:
         outer.target.strain = coming
         strain_rate = rate_ahead(state.rate, ahead)
-    ask(table, outer.target.strain, strain_rate, state.clock, dt, start)
+    set_moment(table, outer.target.strain, strain_rate, state.clock, dt, start)
     if follows:
-        outer.target.force -= driven_away(table, model, command.pressure, coming)
+        outer.target.force -= destabilising_force(table, model, command.pressure, coming)
     tabulate(table, model)
     find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
-        see_demand(settings, model, state, kind, rate, dt)
+        set_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     keep_memory(model)
 
 
-def reach_of(table: Any, pressure: Any) -> float:
-    """Return the force of what pressure loops may leave at commanded pressures (Pa), N."""
+def loop_error(table: Any, pressure: Any) -> float:
+    """Return the force error (N) due to usual pressure-loop errors at ``pressure`` (n,), Pa."""
     force = 0.0
     for unit in range(len(table.order)):
         force += abs(slope_at(table, unit, pressure[unit])) * _LOOSE
     return force
 
 
-def driven_away(table: Any, model: Any, pressure: Any, strain: float) -> float:
+def destabilising_force(table: Any, model: Any, pressure: Any, strain: float) -> float:
     """
-    Return what the force at pressures drives a strain further away from the table's, N.
+    Return the destabilising change of force from the table's strain to ``strain``, N.
 
-    At constant pressure a muscle is a spring, which the demand leaves as it is. Where push-back
-    collapses the force rises with the strain: the spring pushes on, and has to be taken away.
+    At constant pressures (Pa) a muscle is usually a stable spring: nothing to compensate, 0. Where
+    the push-back collapses the force rises with the strain (negative stiffness), which drives the
+    strain further from its target: the demand is reduced by this force.
     """
     wanted, push = table.moment.strain, 0.0
     for unit in range(len(table.order)):
@@ -307,18 +309,18 @@ def driven_away(table: Any, model: Any, pressure: Any, strain: float) -> float:
     return push if push * (strain - wanted) > 0.0 else 0.0
 
 
-def ask(table: Any, strain: float, strain_rate: float, time: float, dt: float, start: bool
+def set_moment(table: Any, strain: float, strain_rate: float, time: float, dt: float, start: bool
         ) -> None:
-    """Say for what the model is asked."""
+    """Set the operating point (1, 1/s, s, s) at which the model is evaluated."""
     now = table.moment
     now.strain, now.strain_rate, now.time, now.dt, now.start = strain, strain_rate, time, dt, start
 
 
 def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
     """
-    Return the force of the adapted model at the measured pressures, N; note its memory.
+    Return the adapted model's force at the measured pressures, N; write its next memory.
 
-    Those of the unadapted model go into ``forces`` (n,).
+    ``forces`` (n,) receives the unadapted model's force of each unit.
     """
     now, total = table.moment, 0.0
     for unit in range(len(table.order)):
@@ -336,7 +338,7 @@ def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
 
 
 def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool) -> None:
-    """Let the model learn from the measured force, and use what was learnt from now on."""
+    """Update the adaptation with the measured force (N), and apply its gains to the curves."""
     if not settings.enabled:
         return
     learnt, table = state.adaptation, state.table
@@ -349,21 +351,21 @@ def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool)
 
 
 def keep_memory(model: Any) -> None:
-    """Let the model's memory go on to what it is after this tick."""
+    """Advance the model's memory by one tick."""
     for unit in range(len(model.memory)):
         for k in range(len(model.memory[unit])):
             model.memory[unit][k] = model.next[unit][k]
 
 
-def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt: float) -> None:
-    """Work out what the state machine sees: demand, and how it moves against the limits."""
+def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt: float) -> None:
+    """Compute the state machine's input: demand, and its rates relative to the force limits."""
     wanted, limits, top = state.wanted, state.limits, state.table.top
     target = state.outer.target
-    # A strain that is measured is noisy, one that is asked for is not.
+    # A measured strain is noisy, a reference strain is not.
     clean = kind == STRAIN and settings.outer.feed_forward
     asked = target.feed_forward
     if kind == FORCE and settings.outer.feed_forward:
-        # A lag that is being learnt moves what is asked for, and is no acceleration of it.
+        # Subtract the part due to the learnt lag: its adaptation is not a change of demand.
         learnt = lag_of(state.adaptation) + state.adaptation.lead
         asked -= (1.0 - GAUGE_SHARE) * learnt * rate
     jump = abs(asked - wanted.value[0])
@@ -387,7 +389,7 @@ def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     if clean:
         limit_speed, limit_acceleration, limit_jerk = heading_now(limits, k, _BRISK)
     elif moved != 0.0:
-        # What noise and learning make of the limits is no motion of them: it goes by the strain's.
+        # Differences of the limits would contain noise and adaptation: use slope and strain rate.
         ahead = state.table.moment.strain + moved * _AHEAD
         limit_speed = (top_at(state.table, model, k, ahead) - top[k]) / _AHEAD
         limit_acceleration = limit_speed * state.rate.slope / moved
@@ -404,13 +406,13 @@ def see_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
 # --- output --------------------------------------------------------------------------------------
 
 def write_command(settings: Any, state: Any, demand: float, command: Any) -> None:
-    """Write pressures, with changes inside the quiet band left out (a play), and shares."""
+    """Write pressures, with a backlash of ``still`` (Pa) against chatter, and shares."""
     shares, still, total = state.shares, settings.still, 0.0
     for unit in range(len(command.pressure)):
         total += abs(shares.force[unit])
     for unit in range(len(command.pressure)):
         pressure = shares.pressure[unit]
-        # Empty is empty and full is full: a play would stop short of both.
+        # No backlash at 0 and at the limit: the pressure would stop short of both.
         if 0.0 < pressure < settings.max_pressure[unit]:
             pressure = max(min(max(command.pressure[unit], pressure - still), pressure + still),
                            0.0)
@@ -433,7 +435,7 @@ def show_state(state: Any, command: Any) -> None:
 
 
 def saturation(table: Any, missing: float, demand: float) -> int:
-    """Say whether the demand is out of reach of every state, or of this one only."""
+    """Return whether the demand is out of reach of all states, or only of the present one."""
     highest, lowest = table.top[0], table.floor[0]
     for k in range(len(table.top)):
         highest, lowest = max(highest, table.top[k]), min(lowest, table.floor[k])
@@ -461,7 +463,7 @@ def hold(settings: Any, state: Any, dt: float, command: Any) -> None:
 
 
 def vent(command: Any) -> None:
-    """Ask for no pressure."""
+    """Command zero pressure in all units."""
     command.state, command.saturated, command.demand = 0, FREE, 0.0
     for unit in range(len(command.pressure)):
         command.pressure[unit] = command.share[unit] = 0.0

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Conductance, dead band and dead time of a valve from pressures that answered known commands.
+Identification of a valve: conductance, dead band and dead time from commands and pressures.
 
-Knows nothing of ROS. Pressures are gauge.
+Independent of ROS. Pressures are gauge.
 """
 
 from collections.abc import Sequence
@@ -15,28 +15,27 @@ from numpy.typing import ArrayLike
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, POLYTROPIC, RT, ValveFlow
 
-#: Dead times (s) and dead bands (of the full command) that are tried, and how finely in the end.
+#: Grids of dead times (s) and dead bands (share of the full command); number of refinements.
 _DELAYS, _BANDS = np.linspace(0.0, 0.08, 41), np.linspace(0.0, 0.5, 51)
 _FINER = 3
-#: Least number of samples to tell three numbers from.
+#: Least number of samples for a fit.
 _LEAST = 20
 
 
 @dataclass(frozen=True)
 class ValveFit:
     """
-    What a record says of a valve.
+    Result of `fit_valve`.
 
     Attributes
     ----------
     conductance : float, m^3/(s Pa)
-        For the gas volume that was told: their ratio is what pressures show.
+        For the gas volume given: pressures determine only their ratio.
     dead_band : float
     delay : float, s
-        From the stamp of a reading to the flow that the command answering it makes, the spool's
-        lag in it.
+        From the stamp of a reading to the flow due to its command, including the spool's lag.
     misfit : float, Pa
-        rms of what is left.
+        rms of the residual.
     """
 
     conductance: float
@@ -52,27 +51,27 @@ def fit_valve(time: ArrayLike, pressure: ArrayLike, command: ArrayLike, volume: 
     """
     Fit the valve of one motor unit by least squares.
 
-    For a dead time and a dead band the integral of dp/dt = n R T m/V (`pressure_rate` without
-    the motion's part, ISO 6358 for m) at the measured pressures is known but for the conductance,
-    in which it is linear. The two are searched for on a grid that is refined around the best.
+    For a given dead time and dead band, the integral of dp/dt = n R T m/V (`pressure_rate` without
+    motion, ISO 6358 for m) at the measured pressures is linear in the conductance. Dead time and
+    dead band are searched for on a grid that is refined around the best point.
 
     Parameters
     ----------
     time, pressure, command : array_like (T,), s, Pa and 1
-        Stamps, readings, and the command that answered each.
+        Stamps, readings, and the command computed from each.
     volume : array_like, scalar or (T,), m^3
         Gas volume with tubing.
     supply : float, Pa
     ambient : float, Pa (absolute)
     critical_ratio : float
     blocks : sequence of int
-        Samples at which a new record begins; each has an offset of its own, so that leaks and
-        settling air do not add up.
+        Samples at which a new record starts; each has its own offset, so that leaks and settling
+        air do not accumulate.
 
     Raises
     ------
     InputError
-        Without enough samples, or where no command moves the pressure.
+        With too few samples, or if no command changes the pressure.
     """
     t, p, u = (np.asarray(values, float) for values in (time, pressure, command))
     v = np.broadcast_to(np.asarray(volume, float), t.shape)
@@ -100,7 +99,7 @@ def fit_valve(time: ArrayLike, pressure: ArrayLike, command: ArrayLike, volume: 
 
 
 class _Record:
-    """A record, made ready for many trials."""
+    """A record, prepared for many evaluations."""
 
     def __init__(self, time, pressure, command, filling, venting, edges):
         self._time, self._command = time, command
@@ -115,7 +114,7 @@ class _Record:
         """Return the mean squared misfit (Pa^2) and the conductance."""
         size = np.clip((np.abs(self._command) - band) / (1.0 - band), 0.0, 1.0)
         opened = np.sign(self._command) * size
-        # Commands are held until the next: their integrals over time, later by the dead time.
+        # Commands are held until the next: integrate them over time, delayed by the dead time.
         widths = np.diff(self._time)
         rise = np.zeros(len(self._time))
         for side, rate in ((np.maximum(opened, 0.0), self._filling),
@@ -134,29 +133,30 @@ class _Record:
 def split_volume(conductances: Sequence[float], gas: Sequence[float], told: float
                  ) -> tuple[float, float] | None:
     """
-    Return conductance and tube volume of valves that are alike on muscles that are not.
+    Return conductance and tube volume of equal valves on muscles of different volumes.
 
-    Pressures show C/(V + T) alone; with gas volumes V that differ, C and T follow from two or
+    Pressures determine only C/(V + T); with different gas volumes V, C and T follow from two or
     more of them by least squares.
 
     Parameters
     ----------
     conductances : sequence (n,), m^3/(s Pa)
-        As they were fitted with the tube volume that was told.
+        Fitted with the tube volume ``told``.
     gas : sequence (n,), m^3
-        Of the muscles.
+        Gas volumes of the muscles.
     told : float, m^3
+        Assumed tube volume.
 
     Returns
     -------
     (float, float) or None
-        None where the volumes are too much alike, or no tube is that small or large.
+        None where the volumes are too similar, or the tube volume is implausible.
     """
     volume = np.asarray(gas, float)
     if volume.max() < 1.5 * volume.min():
         return None
     ratio = np.asarray(conductances, float) / (volume + told)
-    # C - r T = r V, weighted so that ratios count alike.
+    # C - r T = r V, with equal weights of the ratios.
     (conductance, tube), *_ = np.linalg.lstsq(
         np.stack([1.0 / ratio, -np.ones(len(ratio))], axis=1), volume, rcond=None)
     if not 0.0 <= tube <= volume.max():

@@ -1,15 +1,15 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What makes a node stop: watches over its channels, one state machine, one door for latches.
+Safety of a node: checks of its input channels, and a state machine that holds, vents or latches.
 
 Used by the recruitment controller and by the pressure loops alike. `plausibility` has the checks
-of readings against each other. The pressures that stop things, lowest first: the controllers trip
+of readings against each other. Pressure limits, lowest first: the controllers trip
 at `trip_pressure` (``over_pressure_factor`` times a motor unit's largest pressure: 396 kPa for the
 paper's bundle); the simulated rig trips at 450 kPa (`RigConfig.trip_pressure`), and its relief
-valves begin to open at 480 kPa and are open at 500 kPa (`ChamberConfig.relief_pressure`).
+valves begin to open at 500 kPa (`ChamberConfig.relief_pressure`) and are open at 520 kPa.
 
-Knows nothing of ROS. Times are of one clock of the caller, s.
+Independent of ROS. Times are in s, on one clock of the caller.
 """
 
 from collections import deque
@@ -28,7 +28,7 @@ UNEXPLAINED_PRESSURE = 'UNEXPLAINED_PRESSURE'
 SUPPLY = 'SUPPLY'
 #: The force contradicts the pressures.
 FORCE = 'FORCE'
-#: Readings are older than `max_latency` when they come.
+#: Readings are older than `max_latency` on arrival.
 LATE = 'LATE'
 #: A reading repeats exactly although it must move.
 FROZEN = 'FROZEN'
@@ -38,18 +38,18 @@ LOST = 'LOST'
 PID_LOST = 'PID_LOST'
 #: Another controller acts on the same rig.
 OTHER = 'OTHER'
-#: The process itself stood still.
+#: The process itself was stalled.
 STOPPED = 'STOPPED'
 
 #: Default of ``over_pressure_factor``.
 OVER_PRESSURE_FACTOR = 1.15
 #: s: default of ``hold_time``. At 100 Hz and faster valves exhaust within 50 ms of the first bad
-#: reading; shorter losses cost no pressure.
+#: reading; after shorter losses the pressures are unchanged.
 HOLD_TIME = 0.04
-#: s that late stamps or a wrong supply have to last before only `enable` leads on: a machine that
-#: was busy for less has lost nothing but some readings.
+#: s: late stamps or a wrong supply for longer latch the node until `enable`; a computer that was
+#: busy for less has only lost some readings.
 LATCH_TIME = 0.2
-#: How many changes of state are remembered.
+#: Length of the history of state changes.
 _HISTORY = 64
 
 
@@ -66,24 +66,24 @@ def trip_pressure(max_pressure: float, factor: float = OVER_PRESSURE_FACTOR) -> 
 
 
 def kilopascals(pressure: float) -> str:
-    """Return a pressure in words, short whatever its size."""
+    """Return a pressure (Pa) as text in kPa, short for any size."""
     value = pressure / 1e3
     return f'{value:.0f} kPa' if abs(value) < 1e5 else f'{value:.3g} kPa'
 
 
 class State(Enum):
-    """What a node does about its part of the bundle."""
+    """State of a node."""
 
-    #: Something is missing that has never been there; vented.
+    #: Vented: an input has not arrived yet.
     WAITING = 'WAITING'
-    #: Could act and is not asked to; vented or on the way.
+    #: Ready to be enabled; vented or venting.
     READY = 'READY'
     ACTIVE = 'ACTIVE'
     #: A reading cannot be trusted: pressures kept for a moment.
     HOLD = 'HOLD'
-    #: Vented; goes on by itself when the reason is gone.
+    #: Vented; resumes by itself when the cause is gone.
     VENT = 'VENT'
-    #: Vented until somebody enables again.
+    #: Vented until it is enabled again.
     LATCHED = 'LATCHED'
 
 
@@ -101,20 +101,20 @@ class Guard:
     """
     The state machine of a node.
 
-    Every change has a reason and a time. `latch` is the one door into LATCHED, `release` the one
-    way out.
+    Every change has a reason and a time. LATCHED is entered only by `latch` and left only by
+    `release`.
 
     Parameters
     ----------
     announce : callable, optional
-        Gets each `Change` of state or cause.
+        Called with each `Change` of state or cause.
 
     Attributes
     ----------
     now : Change
         The present state.
     history : deque of Change
-        The last ones, the newest at the end.
+        The last changes, the newest at the end.
 
     Examples
     --------
@@ -137,12 +137,12 @@ class Guard:
 
     @property
     def latched(self) -> bool:
-        """Whether only `release` leads on."""
+        """Whether the node stays vented until `release`."""
         return self.now.state is State.LATCHED
 
     @property
     def word(self) -> str:
-        """Return the cause, or where there is none the state."""
+        """Return the cause, or the state if there is no cause."""
         return self.now.cause or self.now.state.value
 
     def enter(self, now: float, state: State, cause: str = '', reason: str = '') -> None:
@@ -153,14 +153,14 @@ class Guard:
             self._go(now, state, cause, reason)
 
     def latch(self, now: float, cause: str, reason: str) -> bool:
-        """Vent until `release`; return whether this is new. The first cause stays."""
+        """Vent until `release`; return whether this is a new latch. The first cause is kept."""
         if self.latched:
             return False
         self._go(now, State.LATCHED, cause, reason)
         return True
 
     def release(self, now: float) -> None:
-        """Leave LATCHED: somebody has decided to go on."""
+        """Leave LATCHED, by a decision of the user."""
         if self.latched:
             self._go(now, State.READY, '', 'enabled again')
 
@@ -175,9 +175,9 @@ class Guard:
 
 class LostTime:
     """
-    Adds up the time for which something is lost, until it has stayed for long enough.
+    Total time for which an input is lost, reset when it has been back for long enough.
 
-    So what comes and goes is not taken for new each time.
+    So short recoveries of an intermittent input do not restart the time.
 
     Examples
     --------
@@ -192,7 +192,7 @@ class LostTime:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all."""
+        """Reset."""
         self._seen: float | None = None
         self._lost = 0.0
         self._there: float | None = None
@@ -200,12 +200,12 @@ class LostTime:
 
     def see(self, now: float, lost: bool, patience: float) -> bool:
         """
-        Take whether it is lost; return whether it was so for ``patience`` (s) in all, and is.
+        Return whether the input is lost now and was lost for ``patience`` (s) in total.
 
-        It is there again after as long a time without a loss.
+        The total is reset after ``patience`` without a loss. ``now`` in s.
         """
         if self._seen is not None and now < self._seen:
-            # The clock was set.
+            # The clock was set back.
             self.reset()
         if lost and self._was_lost and self._seen is not None:
             self._lost += now - self._seen
@@ -219,13 +219,13 @@ class LostTime:
         return lost and self._lost >= patience
 
 
-#: Exact repeats of a moving reading that are no coincidence: one in ten repeats where the noise is
-#: a few digits. A long silence before a repeat proves no more than a short one.
+#: Exact repeats of a moving reading that show a fault: with noise of a few digits one reading in
+#: ten repeats by chance. A long gap before a repeat counts no more than a short one.
 _REPEATS = 5
 
 
 class Health(IntEnum):
-    """What a channel is good for, worst last."""
+    """Health of a channel, worst last."""
 
     GOOD = 0
     WAITING = 1
@@ -243,17 +243,17 @@ class WatchConfig:
     low, high : float
         Possible readings, in the unit of the channel.
     timeout : float, s
-        A channel is stale when nothing has come for so long.
+        A channel without a reading for longer is stale.
     hold_time : float, s
-        Bad for so long: out.
+        A channel that is bad for longer is out (VENT).
     recovery_time : float, s
-        Good again for so long: back.
+        A channel is back when it has been good again for this time.
     stuck_time : float, s
-        A reading that repeats exactly for so long, while it should move, is stuck; 0 for never.
+        A reading that repeats exactly for this time, while it should move, is stuck; 0 for never.
     max_latency : float, s
-        A reading that is older when it comes, or further in the future, is late.
+        A reading that is older on arrival, or further in the future, is late.
     below : str
-        What a reading below ``low`` suggests, for the message.
+        Probable cause of a reading below ``low``, for the message.
     """
 
     low: float
@@ -268,10 +268,10 @@ class WatchConfig:
 
 class SensorWatch:
     """
-    Watches one channel: whether its reading is fresh, in time, a number, possible, alive.
+    Checks of one channel: timeout, latency, finite, within its range, not stuck.
 
-    A reading that fails is worth nothing from its first sample on (hold); when that lasts, the
-    channel is out (vent) until it has been good again for a while.
+    A reading that fails is ignored from its first sample on (hold); when that lasts, the channel
+    is out (vent) until it has been good again for a while.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ class SensorWatch:
     >>> watch.see(0.00, 12.0), watch.see(0.01, math.nan), watch.reason
     (<Health.GOOD: 0>, <Health.HOLD: 2>, 'force is nan')
     >>> watch.check(0.5), watch.reason
-    (<Health.VENT: 3>, 'force is nan; nothing for 0.49 s')
+    (<Health.VENT: 3>, 'force is nan; no reading for 0.49 s')
     """
 
     def __init__(self, name: str, unit: str, config: WatchConfig):
@@ -295,9 +295,9 @@ class SensorWatch:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: nothing has been seen yet."""
+        """Reset to the state before the first reading."""
         self.health = Health.WAITING
-        #: Why the health is not GOOD, in words.
+        #: Why the health is not GOOD, as text.
         self.reason = f'no {self.name} yet'
         self._seen: float | None = None
         self._good: float | None = None
@@ -306,7 +306,7 @@ class SensorWatch:
         self._value = math.nan
         self._moving = 0.0
         self._fault = ''
-        #: Since when every reading has been late; one after a stall is no fault of the clock.
+        #: Since when every reading has been late; one after a stall does not show a clock error.
         self._late_since: float | None = None
         self._stuck = False
 
@@ -317,7 +317,7 @@ class SensorWatch:
 
     @property
     def cause(self) -> str:
-        """Why a channel that is out must not come back by itself; empty where it may."""
+        """Cause for which a channel that is out must not recover by itself; empty if it may."""
         if self.health != Health.VENT:
             return ''
         if self._late_since is not None and self._seen is not None and (
@@ -345,7 +345,7 @@ class SensorWatch:
         if value != self._value or not (moving or stuck):
             self._moving = 0.0
         elif moving:
-            # Once stuck it stays so while nothing moves: a shut valve proves nothing.
+            # A stuck reading stays stuck while the valve is shut, where a repeat is expected.
             self._moving += min(max(since, 0.0), config.stuck_time / _REPEATS)
         self._seen, self._value = now, value
         possible = config.low <= value <= config.high
@@ -372,11 +372,11 @@ class SensorWatch:
         return self.check(now)
 
     def forgive_repeats(self) -> None:
-        """Count exact repeats anew: somebody has decided to go on with this reading."""
+        """Reset the count of exact repeats: the user has accepted this reading."""
         self._moving = 0.0
 
     def check(self, now: float) -> Health:
-        """Return the health now; call it too while nothing comes."""
+        """Update and return the health; call it also while no reading arrives."""
         self._notice_reset(now)
         config = self.config
         if self._seen is None:
@@ -384,7 +384,7 @@ class SensorWatch:
         reason = self._fault
         silence = now - self._seen
         if silence > config.timeout:
-            late = f'nothing for {silence:.2f} s'
+            late = f'no reading for {silence:.2f} s'
             reason = f'{reason}; {late}' if reason else f'{self.name}: {late}'
         if reason:
             self._good_since = None
@@ -406,7 +406,7 @@ class SensorWatch:
 
     def _notice_reset(self, now: float) -> None:
         if self._seen is not None and now < self._seen:
-            # The clock was set: what was seen belongs to another time.
+            # The clock was set back: earlier times are invalid.
             self.reset()
 
 
@@ -419,5 +419,5 @@ def _late_text(name: str, latency: float, most: float) -> str:
     if latency < 0.0:
         return (f'{name} is stamped {-latency:.3g} s in the future: the clocks of rig and '
                 'controller disagree')
-    return (f'{name} is {latency:.3g} s old when it comes; at most {most:.3g} s is taken '
+    return (f'{name} is {latency:.3g} s old on arrival; at most {most:.3g} s is allowed '
             '(max_latency)')

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What keeps an integral from going on: the last command met a limit. Kernels."""
+"""Anti-windup: integrals stop where the last command was saturated. Kernels."""
 
 from typing import Any
 
-#: What keeps integrals from going on; the names of the others are for people.
+#: Names of the kinds of saturation; only 'high' and 'low' stop integrals.
 SATURATION = ('', 'high', 'low', 'gap')
 FREE, HIGH, LOW, GAP = 0, 1, 2, 3
 

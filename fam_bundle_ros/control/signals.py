@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into the recruitment controller each tick, and what comes out."""
+"""Inputs and outputs of the recruitment controller."""
 
 from dataclasses import dataclass, field
 
@@ -13,7 +13,7 @@ from fam_bundle_ros.control.switching import Margins
 @dataclass(frozen=True)
 class Measurement:
     """
-    What the rig shows now.
+    Readings of the rig at one time.
 
     Attributes
     ----------
@@ -31,11 +31,11 @@ class Measurement:
 @dataclass(frozen=True)
 class Reference:
     """
-    What is wanted: ``kind`` is ``force`` (N) or ``strain``; ``rate`` is its rate per second.
+    Reference: ``kind`` is ``force`` (N) or ``strain``; ``rate`` is its rate per second.
 
-    A reference that moves should say its rate: a rate of 0 with a new value is a step.
-    With the kind ``pressure`` (see `fam_bundle_ros.control.direct`) neither is used but
-    ``pressure``, the gauge pressures of all motor units, Pa.
+    A moving reference should have its rate: a new value with a rate of 0 is a step. The kind
+    ``pressure`` (see `fam_bundle_ros.control.direct`) uses only ``pressure``, the gauge pressures
+    of all motor units, Pa.
     """
 
     kind: str
@@ -47,7 +47,7 @@ class Reference:
 @dataclass(frozen=True)
 class Command:
     """
-    What the pressure loops are to do, and why.
+    Setpoints of the pressure loops, with the reason.
 
     Attributes
     ----------
@@ -56,14 +56,14 @@ class Command:
         k of RSk; 0 is off.
     active : ndarray (n,) of bool
     share : ndarray (n,)
-        Of the bundle's force, per unit, after the model.
+        Share of each unit in the bundle's force, by the model.
     saturated : str
         ``''``, ``'high'``, ``'low'`` (out of reach), ``'gap'`` (not in reach of this state yet).
     explanation : str
-        In words, in the tick in which a decision was taken.
+        Reason as text, in the tick of a decision.
     margins : Margins
     demand : float, N
-        What was allocated: reference, feedback and bias together.
+        Allocated force: feed-forward and feedback together.
     """
 
     pressure: np.ndarray
@@ -79,7 +79,7 @@ class Command:
 @dataclass
 class CommandRecord:
     """
-    What the pressure loops are to do, and why; see `Command`.
+    Setpoints of the pressure loops, with the reason; see `Command`.
 
     ``active`` has 1 for units that are on, ``saturated`` a code of `saturation.SATURATION`.
     """
@@ -96,7 +96,7 @@ class CommandRecord:
 
 @dataclass
 class MeasurementRecord:
-    """What the rig shows: force (N), strain, its rate (1/s), pressures (Pa, gauge)."""
+    """Readings of the rig: force (N), strain, its rate (1/s), pressures (Pa, gauge)."""
 
     force: float
     strain: float

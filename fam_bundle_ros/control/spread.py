@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A demand spread over the active units, while those that are being crossed go their way."""
+"""Allocation of a demand to the active units, while other units cross their falling branch."""
 
 import math
 from typing import Any
@@ -10,8 +10,8 @@ from fam_bundle_ros.control.curves import slope_at
 from fam_bundle_ros.control.inverse import fill, lower, share
 from fam_bundle_ros.control.switching import REVERSAL_AWARE
 
-#: Schemes: a unit to its limit before the next; active units at one pressure; all always on; and
-#: two without a model (`baselines`), to compare with.
+#: Schemes: each unit to its limit before the next; active units at one pressure; all units always
+#: on; and two without a model (`baselines`), for comparison.
 SCHEMES = ('orderly', 'batch', 'all_on', 'equal_pressure', 'threshold')
 ORDERLY, BATCH, ALL_ON, EQUAL_PRESSURE, THRESHOLD = range(5)
 #: N: demands missed by less than this count as met.
@@ -19,7 +19,7 @@ TOLERANCE = 0.1
 
 
 def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:
-    """Work out pressures for the demand in the present state, crossings moved on."""
+    """Advance the crossings by ``dt`` (s), and compute pressures for the demand (N)."""
     crossings = state.crossings
     if crossings.count == 0:
         solve(settings, model, state, demand, False, state.shares)
@@ -29,7 +29,7 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
     while k < crossings.count:
         unit = crossings.unit[k]
         count = solve(settings, model, state, demand, True, state.shares)
-        ratio = ratio_of(settings, state, unit, count)
+        ratio = compensation_ratio(settings, state, unit, count)
         short = crossings.up[unit] > 0 and state.shares.missing > TOLERANCE
         if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short):
             end_crossing(crossings, k)
@@ -41,9 +41,9 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
 def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, shares: Any
           ) -> int:
     """
-    Allocate a demand (N) over the active units by the scheme; return how many shared in it.
+    Allocate a demand (N) to the active units by the scheme; return the number of units used.
 
-    With ``crossing`` those on their way are where they are, else nobody is.
+    With ``crossing``, units that are crossing keep their pressures; without, none is crossing.
     """
     count = 0
     for unit in range(len(state.fixed)):
@@ -63,8 +63,8 @@ def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, 
     return count
 
 
-def ratio_of(settings: Any, state: Any, unit: int, count: int) -> float:
-    """Return the pressure change that the others need per change of the crossing unit."""
+def compensation_ratio(settings: Any, state: Any, unit: int, count: int) -> float:
+    """Return the pressure change of the compensating units per change of the crossing unit."""
     table, helping, chosen = state.table, 0.0, 0
     for k in range(count):
         other = state.units[k]

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Gains of the strain loop, worked out from the load and from how late an answer comes."""
+"""Gains of the strain loop, computed from the load and the lag of the loop."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,29 +9,29 @@ from typing import Any
 
 import numpy as np
 
-#: s: of the strain rate that rigs send (a low-pass of 20 Hz), besides the lag of the loop.
+#: s: filter of the strain rate that rigs send (low-pass of 20 Hz), in addition to the loop's lag.
 RATE_LAG = 0.008
-#: Errors of the force's change that the margin holds for.
+#: Relative errors of the force's change for which the margin holds.
 GAIN_ERRORS = (-0.3, 0.0, 0.3)
-#: By which factor the stiffness may be less or more than that for which gains are worked out.
+#: Factor by which the stiffness may differ from the one that gains are computed for.
 SPAN = 1.5
 #: Least distance of the loop from -1: its inverse bounds the sensitivity. 0.5 gives a gain
 #: margin of 2 and a phase margin of 29 degrees at least (Astrom and Murray 2008, ch. 9.3).
 _DISTANCE = 0.5
-#: Least damping that any muscle and load have, of critical.
+#: Least damping ratio of any muscle and load.
 _LEAST_DAMPING = 0.01
-#: So much of the least stiffness may a gain below 0 take.
+#: Limit of a negative gain, as a share of the least stiffness.
 _SOFTENED = 0.3
-#: Strain at which stiffnesses are taken, and half the distance over which.
+#: Strain at which stiffnesses are taken, and half-width of the difference quotient.
 _MIDDLING, _APART = 0.1, 0.01
-#: Least stiffness over the largest that gains are worked out for.
+#: Least over largest stiffness that gains are computed for.
 _LEAST_SHARE = 0.005
-#: Gains that are tried: on strain, over the stiffness; on its rate, over critical damping.
+#: Candidate gains: on strain, over the stiffness; on its rate, over critical damping.
 _GAINS = np.array([-1.0, -0.7, -0.5, -0.35, -0.25, -0.15, -0.07, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7])
 _DAMPINGS = np.array([0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5])
-#: Integrals, over stiffness times natural frequency.
+#: Candidate integral gains, over stiffness times natural frequency.
 _INTEGRALS = np.logspace(-2.0, 0.0, 13)
-#: Frequencies at which loops are worked out, over the natural frequency.
+#: Frequencies at which loops are evaluated, over the natural frequency.
 _FREQUENCIES = np.logspace(-2.7, 1.3, 250)
 
 
@@ -47,22 +47,22 @@ class StrainGains:
 @lru_cache(maxsize=256)
 def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -> StrainGains:
     """
-    Return the gains that make the most of the lag: the least error after a load step.
+    Return the gains with the least error after a load step, for a given lag.
 
     The integral of the squared error (by Parseval, from the frequency response), the mean over
-    stiffnesses less and more by `SPAN` and over `GAIN_ERRORS`, as small as a distance of each
-    loop from -1 allows (after Astrom and Hagglund 2006, Advanced PID Control, ch. 6). Feedback
-    that is late by a quarter of a natural oscillation damps with a gain on strain below 0, not
-    with one on its rate.
+    stiffnesses within a factor `SPAN` and over `GAIN_ERRORS`, is minimised under a least distance
+    of each loop from -1 (after Astrom and Hagglund 2006, Advanced PID Control, ch. 6). Feedback
+    with a delay of a quarter of a natural oscillation damps by a negative gain on strain, not by
+    a gain on its rate.
 
     Parameters
     ----------
     stiffness : float, N
-        Of muscles and load, per strain.
+        Stiffness of muscles and load, per strain.
     inertia, damping : float, N s^2 and N s
-        Of the load.
+        Inertia and damping of the load.
     lag : float, s
-        Of the loop: dead time, pressures and sample.
+        Lag of the loop: dead time, pressures and sample.
 
     Examples
     --------
@@ -104,8 +104,8 @@ def _costs(s, plants, control):
     if not holds.any():
         return costs
     around = around[holds]
-    # s (1 + L) has no zeros in the right half plane when it turns by +90 degrees in all
-    # (argument principle; it begins real, and above 0).
+    # s (1 + L) has no zeros in the right half plane if its total phase change is +90 degrees
+    # (argument principle; it starts real and positive).
     turned = np.unwrap(np.angle(s * around), axis=-1)
     stable = np.all((np.abs(turned[..., 0]) < 0.5 * math.pi)
                     & (np.abs(turned[..., -1] - 0.5 * math.pi) < 0.5 * math.pi), axis=-1)
@@ -116,15 +116,15 @@ def _costs(s, plants, control):
 
 
 def drag_of(stiffness, inertia, damping):
-    """Return the damping that is reckoned with, N s: at least 1 % of critical."""
+    """Return the damping used in the design, N s: at least 1 % of critical."""
     return np.maximum(damping, 2.0 * _LEAST_DAMPING * np.sqrt(stiffness * inertia))
 
 
 def unit_stiffness(bundle: Any) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return -dF/de of each unit at a middling strain over its pressure p, as slope p + bend p^2.
+    Return -dF/de of each unit at a medium strain as slope p + bend p^2, with its pressure p.
 
-    Two arrays (n,), N/Pa and N/Pa^2: through 0, half and all of the largest pressure.
+    Two arrays (n,), N/Pa and N/Pa^2, fitted at 0, half and all of the largest pressure.
     """
     def at(share: float) -> np.ndarray:
         pressure = share * bundle.max_pressure
@@ -138,11 +138,11 @@ def unit_stiffness(bundle: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def stiffness_grid(bundle: Any, load: float) -> list[float]:
     """
-    Return stiffnesses of muscles and load for which gains are worked out, N per strain.
+    Return stiffnesses of muscles and load for which gains are computed, N per strain.
 
-    From the first unit at a tenth of its largest pressure to all at theirs, by factors of up to
-    `SPAN` squared: gains at one of them hold up to where those of the next do. ``load`` is the
-    stiffness of the load alone.
+    From the first unit at a tenth of its largest pressure to all units at theirs, in steps of at
+    most `SPAN` squared, so that the ranges of neighbouring gains meet. ``load`` is the stiffness
+    of the load alone.
     """
     slope, bend = unit_stiffness(bundle)
     each = slope * bundle.max_pressure + bend * bundle.max_pressure ** 2

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The strain loop: a reference and the readings -> the force that moves the load as asked for.
+The strain loop: from a reference and the readings to the force that moves the load.
 
 Part of the outer loops (`outer_loop`), with their settings and memory. Kernels.
 """
@@ -15,21 +15,21 @@ from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error
 from fam_bundle_ros.control.strain_gains import RATE_LAG, strain_gains, StrainGains
 
-#: s: sample time that the strain loop is laid out for.
+#: s: design sample time of the strain loop.
 _PERIOD = 4e-3
-#: Inertia reckoned with where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
+#: Default inertia where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
 _USUAL_INERTIA = 0.3
 #: s: filter of the acceleration of a reference.
 _BEND_TIME = 0.01
-#: Corrections of a strain change only by more than so many standard deviations of their noise.
+#: Half-width of the strain correction's backlash, in standard deviations of its noise.
 _QUIET = 2.0
-#: Within so many lags a strain that friction holds is given the force that would mend its error:
-#: what is too much when it lets go is worth half of the error.
+#: While friction holds the strain, the integral adds the force for its error in this many lags:
+#: the excess force at release then corresponds to half of the error.
 _LAGS = 2.0
 
 
 def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float) -> StrainGains:
-    """Return the gains of the strain loop at a stiffness: those given, the others worked out."""
+    """Return the gains of the strain loop at a stiffness (N): those set, the others computed."""
     lag = config.delay + config.lead_time + _PERIOD
     found = strain_gains(stiffness, load.inertia or _USUAL_INERTIA, load.damping, lag)
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
@@ -40,10 +40,20 @@ def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float)
 def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate: float,
                 saturated: int, dt: float) -> tuple[float, float]:
     """
-    Return feed-forward and correction of the strain loop, N; say where to invert the model.
+    Return feed-forward and correction of the strain loop, N; set the target strain and its rate.
 
     The load's inverse dynamics plus PID on the strain (computed torque: Siciliano et al. 2009,
-    Robotics, ch. 8); the correction changes only by more than its noise.
+    Robotics, ch. 8); the correction passes a backlash as wide as its noise.
+
+    Parameters
+    ----------
+    settings, state : OuterSettings, OuterState
+    measurement : record with force (N), strain, strain_rate (1/s), pressure (n,) (Pa)
+    value, rate : float, and 1/s
+        Strain reference and its rate.
+    saturated : int
+        Saturation of the last command.
+    dt : float, s
     """
     known, correction = 0.0, 0.0
     strain, target = measurement.strain, state.target
@@ -60,7 +70,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         target.strain = min(max(ahead, strain - reach), strain + reach)
         target.strain_rate = rate
     if settings.feedback:
-        # The gains on the strain answer what is quick; the quick observer would do it twice.
+        # PID replaces the observer here: with both, fast errors would be corrected twice.
         error = value - behind * rate - strain
         stiffness = present_stiffness(settings, measurement.pressure)
         heavier = 1.0
@@ -68,23 +78,23 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             stiffness += state.load.value[0]
             if settings.worked_out:
                 heavier = state.load.inertia / _USUAL_INERTIA
-        # Gains are in proportion to the inertia where stiffness over inertia is the same.
+        # At equal stiffness over inertia, gains are proportional to the inertia.
         alike = stiffness / heavier
         gain = heavier * at_stiffness(settings, settings.strain_gain, alike)
         integral = heavier * at_stiffness(settings, settings.strain_integral, alike)
         damping = heavier * at_stiffness(settings, settings.strain_damping, alike)
         if integral > 0.0:
-            # How late it is seen that friction has let go.
+            # Delay after which a release of friction is detected.
             lag = settings.delay + settings.lead_time + dt + RATE_LAG
             quick = max(stiffness / (_LAGS * lag), integral)
             due = rate
             if not settings.load_known and not state.load.known:
-                # What holds the load has to be searched for: it may rest on a stop.
+                # The holding force is unknown, the load may rest on a stop: search for it.
                 due += integral / max(stiffness, settings.stiffnesses[0]) * error
             integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
         integrate_error(state, integral * error * dt, saturated)
         if integral > 0.0:
-            # At a turn of the reference it takes what friction will take.
+            # At a reversal of the reference, compensate for the change of friction.
             state.integral -= turn_round(state.friction, rate, quick_of(state.observer), state.lag,
                                          dt)
         # The observer's slow part would be a second integral, which hunts against friction.
@@ -100,9 +110,17 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
 def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate: float, dt: float,
                  ) -> float:
     """
-    Return the force that moves a load of which nothing was told as asked for, N.
+    Return the feed-forward force for an unknown load, N: 0 until the load is identified.
 
-    0 until something is known; then the integral, which held the load alone, gives it over.
+    At that moment the integral, which held the load until then, is reduced by the same force.
+
+    Parameters
+    ----------
+    settings, state, measurement
+        As for `strain_loop`.
+    ahead, rate : float, and 1/s
+        Reference strain, advanced by the delays; its rate.
+    dt : float, s
     """
     load, known = state.load, state.load.known
     learn_load(load, measurement.strain, measurement.force,
@@ -117,17 +135,17 @@ def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate
 
 def held_back(error: float, rate: float, seen: float) -> float:
     """
-    Return the share of a reference's motion that a strain behind it does not make.
+    Return the share of the reference's rate that a strain held by friction does not follow.
 
-    Where friction holds a strain the loop has no dynamics of its own: its integral may be as quick
-    as the release is seen.
+    While friction holds the strain the loop has no dynamics of its own: its integral may be as
+    fast as a release can be detected.
 
     Parameters
     ----------
     error : float
-        Reference less strain.
+        Reference minus strain.
     rate, seen : float, 1/s
-        Of the reference, and of the strain as measured.
+        Rate of the reference; measured strain rate.
 
     Examples
     --------

@@ -25,9 +25,9 @@ from fam_bundle_ros.control.reasons import (
     UNREACHABLE,
 )
 
-#: s: by so much a demand that rises may be ahead of its reference; it falls back when it stops.
+#: s: lead of a rising demand over its reference, which ends when the demand stops rising.
 _LEAD = 0.01
-#: N: a unit that adds less force is no help; a demand so near to the limit needs the unit.
+#: N: least force that a useful unit adds; a demand this close to the limit needs the unit.
 _LITTLE = 0.1
 POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
 NEGLECT, HYSTERESIS, REVERSAL_AWARE = 0, 1, 2
@@ -35,7 +35,7 @@ NEGLECT, HYSTERESIS, REVERSAL_AWARE = 0, 1, 2
 
 @dataclass
 class SwitchingSettings:
-    """`SwitchingConfig` as kernels take it; ``margin`` and ``hysteresis`` nan: worked out."""
+    """`SwitchingConfig` as kernels take it; ``margin`` and ``hysteresis`` nan: computed."""
 
     policy: int
     dwell: float
@@ -52,25 +52,25 @@ class SwitchingSettings:
 @dataclass
 class Demand:
     """
-    What is asked of the bundle, as the state machine sees it.
+    Force demand, the input of the state machine.
 
     Attributes
     ----------
     force : float, N
     rate : float, N/s
-        Of the demand against what the present state can give: it counts that the strain moves.
+        Rate of the demand minus that of the present state's limit, which changes with strain.
     acceleration, jerk : float, N/s^2 and N/s^3
     uncertainty : float, N
         Three standard deviations of the noise in the demand, plus the model's error.
     patience : float, s
-        What a hand-over from unit to unit takes where there is time.
+        Duration of a crossing when there is time.
     doubt : float, N
-        Of the demand while a unit is on its way: push-back that is crossed, and bias.
+        Uncertainty of the demand during a crossing: push-back and bias.
     feedback : float, N
         Part of the demand that feedback has added.
     smooth_rate : float, N/s
-        The rate as the filter shows it, late by its delay: looking ahead over a hand-over would
-        amplify the noise of one that makes up for it.
+        The rate with the delay of its filter. ``rate`` compensates for this delay, and would
+        amplify noise when it is extrapolated over a crossing.
     """
 
     force: float = 0.0
@@ -95,7 +95,7 @@ class Margins:
     limit : float
         Largest force of the present state.
     width : float
-        Of the overlap with the next state, which ends at ``limit``.
+        Width of the overlap with the next state, which ends at ``limit``.
     uncertainty : float
     """
 
@@ -114,22 +114,22 @@ class MachineState:
     Attributes
     ----------
     reserve : list (n,), Pa
-        Of each unit in order: the most of what it must hold at least since it was recruited.
+        Largest bottom pressure of each unit, in order, since it was recruited.
     needed : list (n,) of int
-        Of each unit in order: 1 when a demand has needed it since it was recruited.
+        1 for each unit, in order, that the demand has needed since it was recruited.
     state : int
         k of RSk.
     direction : int
-        Of the last switch: +1, -1, or 0 before the first.
+        Direction of the last switch: +1, -1, or 0 before the first.
     since, calm, absent : float, s
-        Since the last switch; the demand has been at rest, or only below the release level.
+        Time since the last switch; at rest below the release level; below the release level.
     ahead : float, N
-        How far below the release level the demand was when the last unit was recruited ahead of
-        need: a demand that then stops, and never fell, releases nothing.
+        By how much the release level is lowered: the distance of the demand below it at the last
+        recruitment ahead of need. A demand that then stops rising must not release the unit.
     feedback : float, N
-        What feedback had added to the demand when a unit was recruited last.
+        Feedback part of the demand at the last recruitment.
     wary : bool
-        A unit was recruited for a demand that then turned back: look ahead no more.
+        The last unit was recruited ahead of need in vain: no look-ahead.
     """
 
     reserve: list
@@ -146,7 +146,7 @@ class MachineState:
 
 
 def start_machine(machine: Any, state: int) -> None:
-    """Start in a state, free to switch at once."""
+    """Reset to a state, without dwell time."""
     for k in range(len(machine.needed)):
         machine.reserve[k], machine.needed[k] = 0.0, 1
     machine.state, machine.direction, machine.since = state, 0, math.inf
@@ -162,29 +162,29 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
     Parameters
     ----------
     settings, machine : SwitchingSettings, MachineState
-        ``machine.state`` is then the state to be in.
+        Output: ``machine.state``.
     table : CurveTable
-        Of this tick.
+        Curves of this tick.
     demand : Demand
     dt : float, s
     reason : Reason
-        Why it switched; left as it is when it did not.
+        Output: why it switched; unchanged if it did not.
     """
     machine.since += dt
     state, neglect = machine.state, settings.policy == NEGLECT
     margin, band = widths(settings, demand)
     recruit, width = math.nan, math.nan
     if state < len(machine.needed):
-        # Off is no state to be saturated in; beyond a working state the demand must be sure.
+        # Leave RS0 early; leave a working state only where the demand exceeds its uncertainty.
         recruit = table.top[state] + (margin if state > 0 else -margin)
         width = table.top[state] - table.crossing[state]
     release = release_level(settings, table, state, margin, band) - machine.ahead
     shown = machine.margins
     shown.recruit, shown.release, shown.limit = recruit, release, table.top[state]
     shown.width, shown.uncertainty = width, demand.uncertainty
-    watch(settings, machine, table, demand, release, dt)
+    update_times(settings, machine, table, demand, release, dt)
     free = neglect or machine.since >= settings.dwell
-    # A reference that is beyond the limit is no noise, and does not wait.
+    # A reference beyond the limit is free of noise: no dwell time.
     sure = (settings.policy == REVERSAL_AWARE
             and demand.force - demand.feedback > recruit)
     if state < len(machine.needed) and (free or sure or machine.direction == 1):
@@ -197,7 +197,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             machine.feedback = demand.feedback
             switch(machine, 1)
             return
-    # Margins are for doubts of the model; a force that the state cannot give is beyond doubt.
+    # Margins cover model errors; below its floor the state cannot give the force in any case.
     level = release if settings.policy == NEGLECT else max(release, table.floor[state])
     if state > 0 and demand.force < level and (free or machine.direction == -1):
         why = why_release(settings, machine, table, demand, release)
@@ -208,7 +208,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
 
 
 def widths(settings: Any, demand: Any) -> tuple[float, float]:
-    """Return margin and hysteresis band, N: by hand, or from uncertainty and overlap."""
+    """Return margin and hysteresis band, N: as set, or from the uncertainty."""
     if settings.policy == NEGLECT:
         return 0.0, 0.0
     margin = demand.uncertainty if math.isnan(settings.margin) else settings.margin
@@ -228,9 +228,9 @@ def release_level(settings: Any, table: Any, state: int, margin: float, band: fl
     return table.crossing[state - 1] - margin - band
 
 
-def watch(settings: Any, machine: Any, table: Any, demand: Any, release: float, dt: float
+def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: float, dt: float
           ) -> None:
-    """Count how long the demand has been below the release level, and at rest there."""
+    """Update the times of the demand below the release level, and at rest there."""
     below = machine.state > 0 and demand.force < release
     resting = abs(demand.rate) < settings.rest_rate * (table.top[-1] - table.top[0])
     for k in range(machine.state):
@@ -245,13 +245,13 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     """Return the code of the reason to recruit the next unit, `NONE` for no."""
     state, force = machine.state, demand.force
     limit, crossing = table.top[state], table.crossing[state]
-    # A unit that cannot add force at this strain is no help.
+    # A unit that cannot add force at this strain is of no use.
     added = table.top[state + 1] - limit
     if added < _LITTLE:
         return NONE
     if force > recruit:
         return FROM_REST if state == 0 else BEYOND
-    # Ahead of need it must add more than is in doubt.
+    # Look-ahead requires that the unit adds more than the uncertainty.
     if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0 or machine.wary
             or added < demand.uncertainty):
         return NONE
@@ -260,9 +260,9 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
                                          demand.patience)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
-    # One standard deviation, a third of the margin, is enough: to be wrong costs air, to be late a
-    # dip that nothing can make up for any more. The more of it is there already, the surer it
-    # must be that the unit is needed, and soon.
+    # One standard deviation, a third of the margin, is enough at first: a needless recruitment
+    # costs air, a late one a force dip that cannot be compensated. Inside the overlap part of the
+    # dip is already certain, so the level rises and the horizon shrinks.
     late = min(max((force - crossing) / max(limit - crossing, _LITTLE), 0.0), 1.0)
     level = limit + (recruit - limit) * (1.0 + 2.0 * late) / 3.0
     within = settings.horizon * (1.0 - late)
@@ -271,10 +271,10 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
 
 def rise_within(demand: Any, horizon: float) -> float:
     """
-    Return how much further the demand will rise within a horizon (s), N.
+    Return the predicted rise of the demand within a horizon (s), N.
 
-    A demand that slows down is followed to its turning point, one that does not along its slope:
-    rate + slowing t + jerk t^2/2 = 0, solved in the form that also holds for no jerk at all.
+    Extrapolated to the turning point of a demand that decelerates, else to the horizon:
+    rate + slowing t + jerk t^2/2 = 0, solved in the form that also holds for zero jerk.
     """
     slowing, jerk = min(demand.acceleration, 0.0), min(demand.jerk, 0.0)
     root = math.sqrt(slowing * slowing - 2.0 * jerk * demand.rate) - slowing
@@ -289,11 +289,11 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
         return BELOW if demand.force < release else UNREACHABLE
     if demand.rate > settings.rest_rate * (table.top[-1] - table.top[0]):
         return NONE
-    # The unit itself is lowered first: `inverse.lower`.
+    # Pressures below the bottom are used first: `inverse.lower`.
     spare = max(demand.doubt, reach_below(table, table.order[last]))
     if demand.force < table.floor[machine.state] - spare:
         return UNREACHABLE
-    # A lowered unit that is alone holds what force there is: it leaves when it is empty.
+    # A single lowered unit carries the whole force: released only when empty.
     alone = machine.state == 1 and table.lowered[table.order[last]] > 0
     if alone or not demand.force < release:
         return NONE
@@ -301,7 +301,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
         return AT_REST
     if machine.absent >= settings.absence_time:
         return ABSENT
-    # What feedback takes away since, as friction turns round, is no turn of what is asked.
+    # Ignore changes of the feedback since the recruitment, for instance friction that reverses.
     asked = demand.force - demand.feedback + machine.feedback
     if demand.rate < 0.0 and machine.needed[last] == 0 and asked < release:
         return TURNED_BACK
@@ -312,7 +312,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
 
 
 def explain(reason: Any, machine: Any, table: Any, demand: Any, why: int, level: float) -> None:
-    """Write down a decision and the numbers that it rests on."""
+    """Record a decision and the numbers that it is based on."""
     state = machine.state
     reason.why, reason.state, reason.force, reason.rate = why, state, demand.force, demand.rate
     reason.level = table.floor[state] if why == UNREACHABLE else level
@@ -326,7 +326,7 @@ def explain(reason: Any, machine: Any, table: Any, demand: Any, why: int, level:
 
 def switch(machine: Any, direction: int) -> None:
     """Recruit the next unit (+1) or release the last one (-1)."""
-    # What was recruited in vain is not recruited ahead of need again; need clears this.
+    # No look-ahead after a unit was recruited in vain, until one has been needed.
     machine.wary = direction < 0 and machine.needed[machine.state - 1] == 0
     if direction > 0:
         machine.needed[machine.state], machine.reserve[machine.state] = 0, 0.0

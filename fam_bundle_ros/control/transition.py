@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Transitions: units that the state machine switched are sent on their way, in good time."""
+"""Transitions: start the crossings of units that the state machine has switched."""
 
 from typing import Any
 
@@ -15,9 +15,9 @@ from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
 
 def patience(settings: Any, state: Any, doubt: float, dt: float) -> float:
     """
-    Return what a hand-over takes where there is time, s.
+    Return the duration of a crossing when there is time, s.
 
-    At most what is looked ahead; in a strain loop, which no observer helps, the dwell time.
+    At most the look-ahead horizon; in a strain loop, which has no observer, the dwell time.
     """
     outer = state.outer
     noise = quick_noise(outer.observer, outer.lag, dt)
@@ -28,9 +28,9 @@ def patience(settings: Any, state: Any, doubt: float, dt: float) -> float:
 
 def switch_units(settings: Any, state: Any, dt: float, command: Any) -> None:
     """
-    Let the state machine switch, and send the units on their way.
+    Advance the state machine and start the crossings of the units that it switched.
 
-    All units that a demand beyond doubt needs begin in one tick: each valve fills its own.
+    For a demand beyond the limit all units needed start in one tick: each has its own valve.
     """
     machine = state.machine
     for _ in range(len(state.table.order)):
@@ -49,9 +49,9 @@ def switch_units(settings: Any, state: Any, dt: float, command: Any) -> None:
 
 def leave_line(state: Any, unit: int, pressure: Any) -> None:
     """
-    Believe the model again of a unit that was lowered on a line, without a bump.
+    Return a lowered unit from its line to the model's curve, without a bump.
 
-    What the model says otherwise of its force (`curves.line_at`) is taken over into the bias.
+    The difference of the two forces (see `curves.line_at`) is added to the bias.
     """
     table, outer = state.table, state.outer
     if not on_line(table, unit, pressure[unit]):
@@ -67,16 +67,16 @@ def leave_line(state: Any, unit: int, pressure: Any) -> None:
 
 
 def send_unit(settings: Any, state: Any, command: Any) -> None:
-    """Send the unit that was switched on its way through its falling branch."""
+    """Start the crossing of the unit that was switched."""
     now, up = state.machine.state, state.machine.direction > 0
     # No other unit is active, so the crossing is not compensated.
     if now == (1 if up else 0):
         return
     unit = state.table.order[now - 1 if up else now]
     why = command.reason.why
-    # A demand that is out of reach now has no time.
+    # A demand that is out of reach is urgent.
     patient = 0.0 if why == BEYOND or why == UNREACHABLE else state.demand.patience
-    # On the way up, what the push-back will leave of the others' room.
+    # Upwards: the reserve that the push-back leaves to the other units.
     spare = state.table.dip[unit]
     if up:
         spare = min(state.table.crossing[now - 1] - state.demand.force, spare)

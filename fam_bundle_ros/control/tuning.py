@@ -3,9 +3,9 @@
 """
 Gains of the pressure loop from the linearised chamber, with their margins.
 
-The controller asks for a pressure rate (see `pid`), so the loop it closes is an integrator with
-the spool and the dead time before it, times how far the true chamber is from the one it
-schedules on. python-control (the extra ``control``) gives the margins at every operating point.
+The controller demands a pressure rate (see `pid`), so its plant is an integrator behind spool and
+dead time, times the gain of the true chamber over the scheduled one. python-control (the extra
+``control``) gives the margins at every operating point.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ class OperatingPoint:
     rate_per_opening : float, Pa/s
         dp/dt with the valve fully open.
     loop_gain : float
-        Of the true chamber over the one that the controller reckons with: 1 with scheduling.
+        Gain of the true chamber over the controller's model of it: 1 with scheduling.
     gain_margin_db, phase_margin_deg, crossover_hz : float
     """
 
@@ -51,13 +51,13 @@ class OperatingPoint:
 @dataclass(frozen=True)
 class TuneResult:
     """
-    Gains and what they leave as margins; see `tune`.
+    Gains and their margins; see `tune`.
 
     Attributes
     ----------
     gains : PidGains
     sample_period, dead_time : float, s
-        Dead time counts transport and half a sample.
+        Dead time is transport delay plus half a sample.
     spool_frequency : float, Hz
     points : tuple of OperatingPoint
     """
@@ -110,11 +110,11 @@ def tune(sample_period: float = 5e-3, transport_delay: float = 5e-3,
     Parameters
     ----------
     sample_period, transport_delay : float, s
-        Of the pressure loop; from reading to command at the valve.
+        Sample time of the pressure loop; delay from reading to command at the valve.
     spool_frequency : float, Hz
     spool_damping : float
     gain_margin_db, phase_margin_deg : float
-        To be kept at every operating point.
+        Least margins at every operating point.
     derivative : float
         Gain d on the measured pressure rate.
     config : PidConfig
@@ -122,7 +122,7 @@ def tune(sample_period: float = 5e-3, transport_delay: float = 5e-3,
     volumes : sequence of float, m^3
     pressures : sequence of float, Pa (gauge)
     scheduled : bool
-        False for a controller that is not told the volume and reckons with ``config.volume``.
+        False for a controller that does not know the volume and uses ``config.volume``.
 
     Raises
     ------
@@ -167,6 +167,15 @@ def open_loop_response(result: TuneResult, spool_damping: float = 0.7,
                        frequencies: Any = None) -> tuple[Any, Any, Any]:
     """
     Return frequency (Hz), magnitude (dB) and phase (deg) of the open loop, for a Bode plot.
+
+    Parameters
+    ----------
+    result : TuneResult
+    spool_damping : float
+    config : PidConfig
+    gain : float
+        Gain of the true chamber over the controller's model.
+    frequencies : array_like, Hz, optional
 
     Raises
     ------
@@ -213,7 +222,7 @@ def _margins(ct, open_loop, gains, config, gain):
 
 
 def _loop_gain(config, volume, pressure, fill, scheduled):
-    """Return dp/dt per opening, and the true chamber's gain over the reckoned one."""
+    """Return dp/dt per opening, and the true chamber's gain over the controller's model."""
     absolute, source = pressure + config.ambient, config.supply + config.ambient
     flow = config.valve.flow(1.0 if fill else -1.0, absolute, source, config.ambient)
     rate = pressure_rate(absolute, volume, 0.0, flow)

@@ -1,59 +1,59 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Dead band and flow that a valve has, learnt from pressures that come late or early.
+Adaptation of a valve's dead band and flow, from the error of the pressure response.
 
-The inverse of the valve jumps over the dead band that the loop was told. Where the true one, with
-the backlash of its spool, is wider, small openings let no air through at all. What is missing of
-the pressure that was sent widens the band of that side, what is too much narrows it (adaptive
-inverse of a dead zone: Tao and Kokotovic 1994, IEEE Trans. Autom. Control 39, 59). Wide openings
-say little of the dead band, but how much air passes: fittings and tubes take their share, supplies
-sag, and a valve may exhaust less than it fills. Kernels.
+The inverse of the valve jumps over the nominal dead band. Where the true one, with the backlash of
+its spool, is wider, small openings let no air through at all. A pressure response that is too
+small widens the band of that side, one that is too large narrows it (adaptive inverse of a dead
+zone: Tao and Kokotovic 1994, IEEE Trans. Autom. Control 39, 59). Wide openings say little about
+the dead band, but much about the flow: fittings and tubes reduce it, supplies sag, and a valve may
+exhaust less than it fills. Kernels.
 """
 
 from dataclasses import dataclass
 import math
 from typing import Any
 
-#: A dead band may be off by this share of itself and by this much more of the full command.
+#: Uncertainty of a dead band: share of itself, plus share of the full command.
 DOUBT_SHARE, DOUBT = 0.5, 0.02
-#: A conductance may be off by this share of itself.
+#: Relative uncertainty of a conductance.
 CONDUCTANCE_DOUBT = 0.3
-#: What is learnt of it stays within so many of these.
+#: Limit of the learnt flow's error, in `CONDUCTANCE_DOUBT`.
 _BOUND = 2.0
-#: s: over which a side that is open learns; at first it takes the mean of all that it has seen.
+#: s: time constant of the adaptation, in opening time of a side; at first the mean is taken.
 _LEARN_TIME = 0.1
-#: What is read is filtered over so many lags of the loop.
+#: Filter time of the signals, in lags of the loop.
 _FILTER_LAGS = 2.0
-#: Share of a rate that a lag which is off by a tenth makes of it in this filter.
+#: Error of a rate behind this filter due to a lag error of a tenth, relative.
 _LAG_SHARE = 0.1 / _FILTER_LAGS
 
 
 @dataclass
 class ValveLearningState:
     """
-    What was learnt of a valve.
+    Learnt deviations of a valve from its nominal data.
 
     Attributes
     ----------
     fill, vent : float
-        By how much the dead band of each side is wider than told, in commands.
+        Excess of the dead band of each side over the nominal one, in commands.
     reading, due : float, Pa
-        In the tick before: reading, and the pressure that was to be there by what was sent.
+        In the tick before: reading, and the reading expected from the commands.
     open, seen : float, s
-        Time that openings to fill have lasted, each weighted by `worth`, less that of those to
-        exhaust: so far, and as far as the reading before showed it.
+        Duration of openings to fill minus to exhaust, weighted by `band_weight`: up to now, and
+        up to the last command that the reading before showed.
     missing, came, share : float, Pa/s, Pa/s and 1
-        Filtered: rate that is missing, that of the reading, and time with openings to fill less
+        Filtered: missing rate, rate of the reading, and share of time with openings to fill minus
         to exhaust.
     fill_time, vent_time : float, s
-        For how long each side has learnt.
+        Time for which each side has learnt.
     wide : float
-        Size of the opening, as far as the spool may still be on its way back from it.
+        Largest recent opening, decaying with the lag of the spool.
     fill_flow, vent_flow : float
-        What passes of the flow that the valve as told has.
+        Flow over the nominal flow.
     flow, flow_seen, flow_share : float, s, s and 1
-        As ``open``, ``seen`` and ``share``, with the weight `flow_worth`.
+        As ``open``, ``seen`` and ``share``, with the weight `flow_weight`.
     """
 
     fill: float = 0.0
@@ -76,67 +76,67 @@ class ValveLearningState:
 
 
 def dead_band_doubt(dead_band: float) -> float:
-    """Return by how much the dead band of a valve may be off, in commands."""
+    """Return the uncertainty of a valve's dead band, in commands."""
     return DOUBT_SHARE * dead_band + DOUBT
 
 
-def worth(wide: float, doubt: float) -> float:
+def band_weight(wide: float, doubt: float) -> float:
     """
-    Return how much of a rate that is missing is the dead band's, 0 to 1.
+    Return the share of a missing rate that is attributed to the dead band, 0 to 1.
 
-    Of errors that are independent each takes its variance's share: the doubt of the dead band, and
+    Independent errors share by their variances: the uncertainty ``doubt`` of the dead band, and
     that of the conductance times the opening ``wide``.
 
     Examples
     --------
-    >>> worth(0.0, 0.04), round(worth(0.4, 0.04), 2)
+    >>> band_weight(0.0, 0.04), round(band_weight(0.4, 0.04), 2)
     (1.0, 0.1)
     """
     other = CONDUCTANCE_DOUBT * wide / doubt
     return 1.0 / (1.0 + other * other)
 
 
-def flow_worth(opening: float, wide: float, doubt: float) -> float:
+def flow_weight(opening: float, wide: float, doubt: float) -> float:
     """
-    Return how much of a rate that is missing is the flow's, over the opening.
+    Return the share of a missing rate that is attributed to the flow, per opening.
 
-    What `worth` leaves, where the opening is as ``wide`` as it was.
+    The remainder of `band_weight`, where ``opening`` equals ``wide``.
 
     Examples
     --------
-    >>> round(worth(0.4, 0.04) + 0.4 * flow_worth(0.4, 0.4, 0.04), 3)
+    >>> round(band_weight(0.4, 0.04) + 0.4 * flow_weight(0.4, 0.4, 0.04), 3)
     1.0
     """
     other = CONDUCTANCE_DOUBT / doubt
-    return other * other * opening * worth(wide, doubt)
+    return other * other * opening * band_weight(wide, doubt)
 
 
 def learn_dead_band(valve: Any, most: float, pressure: float, due: float, open_then: float,
                     slow: float, filling: float, venting: float, lag: float, dt: float) -> float:
     """
-    Learn from one reading; return what the integral need not add any more, Pa/s.
+    Learn from one reading; return the part of the integral that is no longer needed, Pa/s.
 
-    A band that is learnt gives from now on what is missing and what the integral has made up for.
+    A corrected dead band supplies the missing rate that the integral has compensated until now.
 
     Parameters
     ----------
     valve : ValveLearningState
     most : float
-        Largest error of the told dead band, in commands.
+        Largest error of the nominal dead band, in commands.
     pressure, due : float, Pa
-        Reading, and the sum of all changes that it should show by what was sent.
+        Reading, and the sum of all changes that it should show by the commands.
     open_then : float, s
         `ValveLearningState.open` at the time of the last command that the reading can show.
     slow : float, Pa/s
-        Rate that the loop's integral added besides.
+        Rate that the loop's integral adds.
     filling, venting : float, Pa/s
-        What the valve does to the pressure fully open to either side, both above 0.
+        Pressure rates with the valve fully open to either side, both above 0.
     lag : float, s
         From command to reading.
     dt : float, s
     """
-    # Filtered alike: noise that opened the valve a little is gone from the next reading, as if
-    # the air had answered.
+    # All with the same filter: noise that opens the valve a little has gone by the next reading,
+    # which looks like a response of the pressure.
     time = _FILTER_LAGS * lag
     kept = math.exp(-dt / time)
     missing = (due - valve.due - (pressure - valve.reading)) / dt + slow
@@ -150,31 +150,31 @@ def learn_dead_band(valve: Any, most: float, pressure: float, due: float, open_t
     least = lag + time
     over = min(max(learnt, least), max(_LEARN_TIME, least))
     # A dead band that is wider by x takes the share x of the fully open valve's rate.
-    # A wide opening may show earlier than reckoned: from then on it has its part.
-    known = worth(valve.wide, most)
+    # A wide opening may show earlier than expected: limit the weight from then on.
+    known = band_weight(valve.wide, most)
     step = dt / over * min(max(valve.share, -known), known) * valve.missing
     if fills and filling > 0.0:
         before, valve.fill_time = valve.fill, learnt
         valve.fill = min(max(before + step / filling, -most), most)
-        return made_up(valve, slow) * (valve.fill - before) * filling
+        return compensated_share(valve, slow) * (valve.fill - before) * filling
     if valve.share < 0.0 and venting > 0.0:
         before, valve.vent_time = valve.vent, learnt
         valve.vent = min(max(before + step / venting, -most), most)
-        return made_up(valve, slow) * (before - valve.vent) * venting
+        return compensated_share(valve, slow) * (before - valve.vent) * venting
     return 0.0
 
 
 def learn_flow(valve: Any, flow_then: float, slow: float, filling: float, venting: float,
                lag: float, dt: float) -> float:
     """
-    Learn the flow from the reading that `learn_dead_band` has had; return what that returns.
+    Learn the flow from the reading that `learn_dead_band` has processed; return the same.
 
     Parameters
     ----------
     flow_then : float, s
         `ValveLearningState.flow` at the time of the last command that the reading can show.
     valve, slow, filling, venting, lag, dt
-        As there; ``filling`` and ``venting`` with what was learnt.
+        As there; ``filling`` and ``venting`` with the learnt flow.
     """
     time = _FILTER_LAGS * lag
     kept = math.exp(-dt / time)
@@ -182,12 +182,12 @@ def learn_flow(valve: Any, flow_then: float, slow: float, filling: float, ventin
     valve.flow_seen = flow_then
     fills = valve.flow_share > 0.0
     full, share = (filling, valve.flow_share) if fills else (venting, valve.flow_share)
-    # Rate that the opening was to give.
+    # Rate expected from the opening.
     meant = valve.missing + valve.came
     if full <= 0.0 or meant * share <= 0.0:
         return 0.0
     flow, most = valve.fill_flow if fills else valve.vent_flow, _BOUND * CONDUCTANCE_DOUBT
-    # What no valve can be off by is a fault, or the lag.
+    # An error beyond the uncertainty of any valve is a fault, or due to the lag.
     if abs(valve.came / meant * flow - 1.0) > most:
         return 0.0
     sure = max(abs(valve.missing) - _LAG_SHARE * abs(meant), 0.0)
@@ -198,14 +198,14 @@ def learn_flow(valve: Any, flow_then: float, slow: float, filling: float, ventin
         valve.fill_flow = new
     else:
         valve.vent_flow = new
-    return made_up(valve, slow) * (flow - new) / flow * meant
+    return compensated_share(valve, slow) * (flow - new) / flow * meant
 
 
-def made_up(valve: Any, slow: float) -> float:
+def compensated_share(valve: Any, slow: float) -> float:
     """
-    Return the share of what is missing that the integral (Pa/s) has made up for, 0 to 1.
+    Return the share of the missing rate that the integral (Pa/s) has compensated, 0 to 1.
 
-    A pressure that stands still may have met a fault: only what has come was made up for.
+    At most the rate of the reading: a pressure that does not respond may be a fault.
     """
     if valve.missing == 0.0:
         return 0.0
@@ -213,7 +213,7 @@ def made_up(valve: Any, slow: float) -> float:
 
 
 def begin_readings(valve: Any, pressure: float) -> None:
-    """Begin at a reading (Pa), with what was learnt before."""
+    """Start from a reading (Pa), and keep what was learnt before."""
     valve.reading, valve.due, valve.open, valve.seen = pressure, 0.0, 0.0, 0.0
     valve.missing = valve.came = valve.share = 0.0
     valve.flow = valve.flow_seen = valve.flow_share = 0.0
@@ -221,13 +221,13 @@ def begin_readings(valve: Any, pressure: float) -> None:
 
 def command_of(valve: Any, dead_band: float, opening: float, most: float) -> float:
     """
-    Return the valve command for an opening, with the dead band as it was learnt.
+    Return the valve command for an opening, with the learnt dead band.
 
     Parameters
     ----------
     valve : ValveLearningState
     dead_band : float
-        As told.
+        Nominal dead band, in commands.
     opening : float
         -1 exhaust .. 0 closed .. 1 fill.
     most : float

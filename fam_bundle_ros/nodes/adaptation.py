@@ -15,19 +15,19 @@ from fam_bundle_ros.model.modelfile import save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
 
-#: s: between two messages.
+#: Period of the messages, s.
 _PERIOD = 1.0
 
 
 class Adaptation:
     """
-    Shows and saves what the recruitment controller has learnt.
+    Publishes and saves what online adaptation of the recruitment controller has learnt.
 
     Parameters
     ----------
     node : BundleNode
     controller : callable
-        Returns the controller of now.
+        Returns the present controller.
     """
 
     def __init__(self, node: Any, controller: Callable[[], RecruitmentController]):
@@ -39,7 +39,7 @@ class Adaptation:
         node.every(_PERIOD, self._publish)
 
     def words(self) -> str:
-        """Return what was learnt, in words."""
+        """Return what was learnt, as text."""
         controller = self._controller()
         names = [unit.name.upper() for unit in controller.bundle.motor_units]
         return '; '.join(learnt_words(controller.settings.adaptation,
@@ -66,7 +66,7 @@ class Adaptation:
 
     def _save(self) -> str:
         controller = self._controller()
-        # Not beside the model: a shipped one lies where nobody may write.
+        # Not beside the model: the folder of shipped models may be read-only.
         model = Path(self._node.p['model'])
         path = Path(self._node.p['adaptation_file'] or f'{model.stem}_adapted.yaml').absolute()
         save_model(adapted_bundle(controller.bundle, controller.memory.adaptation), path)

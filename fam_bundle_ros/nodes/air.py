@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a driver may do with the air, from the commands received and their age. No ROS.
+Commands for supply and valves that a driver may apply, given the age of what it received. No ROS.
 
 A motor unit whose valve command is old is vented. The supply is open only while `supply_enable`
 is true and fresh and the rig is not stopped; while it is shut, every valve exhausts.
@@ -20,11 +20,11 @@ class Order:
     Attributes
     ----------
     supply : bool
-        Open.
+        Whether the supply is open.
     valves : tuple of float
         -1 exhaust, 0 closed, 1 fill.
     answers : float or None
-        Time of the oldest reading that a valve command in use answers, s; None for none.
+        Stamp of the oldest reading on which a valve command in use is based, s; None without one.
     why : str
         Why the supply is shut; empty while it is open.
     """
@@ -45,9 +45,9 @@ class Air:
     ----------
     units : int
     command_timeout : float, s
-        A valve command counts for so long after the reading that it answers.
+        Largest age of a valve command, from the stamp of the reading on which it is based.
     supply_timeout : float, s
-        ``supply_enable`` counts for so long after it was heard.
+        Largest age of ``supply_enable``, from its arrival.
 
     Examples
     --------
@@ -69,9 +69,9 @@ class Air:
 
     def command(self, unit: int, value: float, answers: float, now: float) -> bool:
         """
-        Take a valve command; return whether it is fresh.
+        Take a valve command (-1 to 1), based on the reading of time ``answers``; return if fresh.
 
-        One that answers a reading of the future (another clock) counts from when it came.
+        If that time lies in the future (clocks differ), the age counts from the arrival.
         """
         if now - answers > self._command_timeout:
             return False
@@ -82,7 +82,7 @@ class Air:
         """
         Take ``supply_enable``.
 
-        With several publishers a true counts only when no false came within ``supply_timeout``.
+        With several publishers, true is accepted only without a false within ``supply_timeout``.
         """
         if not value:
             self._forbidden = now
@@ -101,13 +101,13 @@ class Air:
 
     def order(self, now: float, stopped: str = '') -> Order:
         """
-        Return what the valves are to do.
+        Return the commands for supply and valves.
 
         Parameters
         ----------
         now : float, s
         stopped : str
-            Why the rig is stopped, for whatever other reason; empty when it is not.
+            Any other reason why the rig is stopped; empty when it is not.
         """
         why = stopped or self._shut(now)
         if why:

@@ -43,14 +43,14 @@ LISTENER = (
     Spec('pressure_is_gauge', False, 'the rig sends gauge pressure, although FluidPressure is '
          'absolute by definition'),
 )
-#: What an absolute pressure far below that of a vacuum suggests.
+#: Hint for a pressure that, as an absolute one, would be far below a vacuum.
 GAUGE = 'does the driver send gauge pressure? Then pressure_is_gauge'
 #: Parameters of the nodes that act on what a rig sends.
 LATENCY = (
     Spec('clocks_synchronised', True, 'the clocks of rig and controllers agree: readings that are '
          'late by their stamps are refused'),
-    Spec('max_latency', -1.0, 'a reading may be so old when it comes, s; -1: three samples at '
-         '`rate`', -1.0, 60.0),
+    Spec('max_latency', -1.0, 'largest age of a reading on arrival, s; -1: three sample periods '
+         'of `rate`', -1.0, 60.0),
 )
 MODEL = (
     Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships',
@@ -107,13 +107,13 @@ class BundleNode(Node):
         """Publish the safe state; called once, before the node is destroyed."""
 
     def flush(self, deadline: float) -> None:
-        """Wait until what was published has arrived, until a steady time (s) at most."""
+        """Wait until all messages are acknowledged, to a steady time ``deadline`` (s) at most."""
         for publisher in self._streams:
             left = max(deadline - time.monotonic(), 0.0)
             publisher.wait_for_all_acked(Duration(nanoseconds=int(left * 1e9)))
 
     def publisher(self, topic: str, kind: Any, qos: QoSProfile = interface.PUBLISH) -> Publisher:
-        """Return a publisher whose QoS the user may override and whose misfits are logged."""
+        """Return a publisher; users may override its QoS, incompatible QoS is logged."""
         publisher = self.create_publisher(
             kind, topic, qos, qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             event_callbacks=PublisherEventCallbacks(
@@ -123,7 +123,7 @@ class BundleNode(Node):
         return publisher
 
     def sender(self, topic: str, kind: Any, write: Callable[..., Any]) -> Callable[..., None]:
-        """Return a function that publishes what a writer of `interface` makes of its arguments."""
+        """Return a function that publishes the message that ``write`` makes of its arguments."""
         publish = self.publisher(topic, kind).publish
         return lambda *values: publish(write(*values))
 
@@ -132,13 +132,13 @@ class BundleNode(Node):
         """
         Return a subscription; a message that cannot be read is logged and dropped.
 
-        Without a QoS the one for samples and commands is taken.
+        The default QoS is that for samples and commands.
         """
         def guarded(message: Any) -> None:
             try:
                 callback(message)
             except InputError as error:
-                # Another number is the same mistake.
+                # Errors that differ only in a number are logged as the same error.
                 self.say(f'bad {topic} {_NUMBER.sub("", str(error))}', f'{topic}: {error}')
 
         return self.create_subscription(
@@ -148,7 +148,7 @@ class BundleNode(Node):
                 incompatible_qos=lambda event: self._misfit(topic, event)))
 
     def trigger(self, name: str, act: Callable[[], str]) -> None:
-        """Offer a service that acts and answers in words; an InputError says why it did not."""
+        """Offer a Trigger service: ``act`` returns the answer, or raises InputError on failure."""
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
                 response.success, response.message = True, act()
@@ -158,28 +158,28 @@ class BundleNode(Node):
         self.create_service(Trigger, name, answer)
 
     def every(self, period: float, callback: Callable[[], None]) -> Timer:
-        """Call back on the steady clock: simulated time may stand still."""
+        """Call back periodically on the steady clock, as simulated time may stand still."""
         return self.create_timer(period, callback, clock=self._steady)
 
     def publisher_count(self, topic: str) -> int:
-        """Return how many publishers a topic has, ours among them."""
+        """Return the number of publishers of a topic, this node's own included."""
         return self.count_publishers(self.resolve_topic_name(topic))
 
     @property
     def max_latency(self) -> float:
-        """Return how old a reading may be when it comes, s; infinite where clocks may differ."""
+        """Largest age of a reading on arrival, s; infinite where clocks may differ."""
         if self.lock_step or not self.p['clocks_synchronised']:
             return math.inf
         given: float = self.p['max_latency']
         return given if given >= 0.0 else 3.0 / self.p['rate']
 
     def latency(self, stamp: int) -> float:
-        """Return how old a stamp is now, s."""
+        """Return the present age of a stamp (ns), s."""
         return (self.now_ns() - stamp) * 1e-9
 
     def now_ns(self) -> int:
         """Return the node's ROS time in ns."""
-        # Without simulated time it is the system's, and rclpy takes ten times as long to say so.
+        # Without simulated time this is the system time, which rclpy reads ten times as slowly.
         clock = self._ros_clock
         return clock.now().nanoseconds if clock.ros_time_is_active else time.time_ns()
 

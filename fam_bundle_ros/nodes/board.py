@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The connection to a microcontroller: greeting, samples, losses, time-outs.
+The connection to a microcontroller: handshake, samples, lost lines, time-outs.
 
-No ROS and no port: bytes come in, samples with their times go out.
+No ROS and no serial port: takes bytes, returns samples with their times.
 """
 
 from collections.abc import Callable
@@ -21,11 +21,12 @@ from fam_bundle_ros.nodes.serial_protocol import (
     WRAP,
 )
 
-#: s between two greetings of a board that has not answered.
+#: Time between two handshake requests while the board does not answer, s.
 _GREETING = 0.25
-#: s. A board that takes no command for so long does not hear us: twice what it stands itself.
+#: Time without an acknowledged command after which the board counts as deaf, s: twice its own
+#: time-out for commands.
 _DEAF = 2.0 * BOARD_TIMEOUT
-#: Commands whose answer is waited for.
+#: Largest number of commands that wait for an answer.
 _OPEN_COMMANDS = 512
 
 
@@ -47,29 +48,29 @@ class Board:
     Parameters
     ----------
     units : int
-        Motor units that it must have.
+        Number of motor units that the board must have.
     timeout : float, s
-        Silent for so long, it is lost.
+        Silence after which the board counts as lost.
     on_lost : callable
-        Gets the reason when a board that was running no longer is.
+        Called with the reason when a running board is lost.
 
     Attributes
     ----------
     talk : Talk
     reason : str
-        Why it is not running; empty while it is.
+        Why the connection is not running; empty while it is.
     name : str
         What the board calls itself.
     newest : BoardSample or None
     taken : float, s
-        When it was taken.
+        When ``newest`` was taken.
     lost, garbled, reconnects, restarts, skipped : int
-        Lines that never came, that could not be read, how often the port was opened again, how
-        often the board began anew, and samples whose time is not known (see `feed`).
+        Numbers of missing lines, of unreadable lines, of reopened ports, of restarts of the
+        board, and of samples whose time is not known (see `feed`).
     last_garbled : str
         Why the last garbled line could not be read.
     round_trip : float, s
-        From sending a command to the first sample that answers it, the newest.
+        Newest time from sending a command to the first sample that acknowledges it.
     """
 
     def __init__(self, units: int, timeout: float, on_lost: Callable[[str], None]):
@@ -93,7 +94,7 @@ class Board:
 
     @property
     def running(self) -> bool:
-        """Whether samples come and commands may go."""
+        """Whether samples are accepted and commands may be sent."""
         return self.talk is Talk.RUNNING
 
     # --- what happens --------------------------------------------------------------------------
@@ -112,10 +113,10 @@ class Board:
 
     def feed(self, data: bytes, received: float) -> list[tuple[BoardSample, float]]:
         """
-        Take bytes; return the samples in them, each with when it was taken.
+        Take bytes; return the samples in them, each with the time when it was taken, s.
 
-        Of lines that come all at once when the port is opened only the first counts: nothing
-        tells yet how far apart they were read.
+        Of the lines that are buffered when the port is opened only the first is used: the time
+        between them is not known yet.
         """
         overlong = self._splitter.overlong
         samples = []
@@ -156,14 +157,14 @@ class Board:
 
     @property
     def deaf(self) -> str:
-        """Why the board seems not to hear us; empty while it takes our commands."""
+        """Why the board seems to receive no commands; empty while it acknowledges them."""
         since = self._received - self._heard
         if not self.running or since <= _DEAF:
             return ''
         return f'the board has taken no command for {since:.2f} s'
 
     def ticks(self, time: float) -> int:
-        """Return the board's clock at a time, that of the newest sample at most."""
+        """Return the board's clock (us) at a time (s), at most that of the newest sample."""
         assert self.newest is not None
         ago = max(round(1e6 * (self.taken - time)), 0)
         return (self.newest.time - ago) % WRAP
@@ -200,7 +201,7 @@ class Board:
             self._become(Talk.RUNNING)
 
     def _take(self, sample: BoardSample, received: float) -> bool:
-        """Take a sample; return whether it moves on in time."""
+        """Take a sample; return whether it is later than the last one."""
         if len(sample.pressure) != self._units:
             raise GarbledLineError(f'a sample has {len(sample.pressure)} pressures; expected '
                                    f'{self._units}')

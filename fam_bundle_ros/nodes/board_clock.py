@@ -1,14 +1,14 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-When a reading was taken: the clock of a board in terms of the clock of this machine. No ROS.
+When a reading was taken: converts the clock of a board to the clock of this machine. No ROS.
 
-A line comes later than it was read, never sooner, and some lines come with hardly any delay. So
-the smallest difference between the two clocks is the right one; a line that is late keeps its
-true time.
+A line arrives after its sample was taken, and some lines arrive with hardly any delay. So the
+smallest difference between the two clocks is their offset, and a delayed line still gets the
+right time.
 """
 
-#: Share by which the clocks may run apart: 0.5 % each, as ceramic resonators do.
+#: Largest relative drift between the clocks: 0.5 % for each, as of ceramic resonators.
 DRIFT = 0.01
 _WRAP = 2**32
 
@@ -33,7 +33,7 @@ class BoardClock:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: the board has restarted."""
+        """Start again, after a restart of the board."""
         self._ticks: int | None = None
         self._elapsed = self._offset = 0.0
 

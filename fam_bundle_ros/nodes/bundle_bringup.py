@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Node bundle_bringup: the whole bundle in one process, which takes a quarter of the CPU of six.
+Node bundle_bringup: the whole bundle in one process, with a quarter of the CPU time of six.
 
 Starts recruitment_controller, one pressure_pid per motor unit and model_monitor, with ``simulate``
 also plant_simulator, and with ``generate`` reference_generator. All take their parameters from the
-command line and parameter files as if each ran alone. Without a parameter file the one for the
-simulation that ships is taken.
+command line and parameter files as if each ran alone. Without a parameter file, the shipped file
+for the simulation is used.
 """
 
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ SPECS = (
 
 
 class BundleBringup(BundleNode):
-    """Says which nodes to start; does nothing else."""
+    """Holds the parameters that say which nodes to start."""
 
     def __init__(self, **keywords: Any):
         super().__init__('bundle_bringup', SPECS, **keywords)
@@ -62,7 +62,7 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
     Raises
     ------
     InputError
-        When a parameter or a file is wrong, or no node has a parameter; no node is left behind.
+        When a parameter or a file is wrong or unknown; all nodes are destroyed then.
     """
     nodes: list[BundleNode] = []
     common: dict[str, Any] = {'context': context, 'namespace': namespace,
@@ -70,8 +70,8 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
     try:
         bringup = BundleBringup(**common)
         nodes.append(bringup)
-        # Listeners first: in lock-step nothing is lost that way, and nothing repeated. Messages
-        # reach them in this order: the fastest loops first.
+        # Subscribers first, so that in lock-step no message is lost or repeated. Messages are
+        # delivered in this order: the fastest loops first.
         nodes += [PressurePidNode(unit + 1, **common) for unit in range(bringup.units)]
         nodes.append(RecruitmentNode(**common))
         if bringup.p['monitor']:
@@ -80,7 +80,7 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
             nodes.append(ReferenceGenerator(**common, **(generator or {})))
         if bringup.p['simulate']:
             nodes.append(PlantSimulator(**common, **(simulator or {})))
-        # Not at the top: it knows every node, this one too.
+        # Imported here, as that module imports every node, this one too.
         from fam_bundle_ros.nodes.known import refuse_unknown
         refuse_unknown(nodes)
     except Exception:
@@ -91,9 +91,9 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run all nodes; the exit status."""
+    """Run all nodes; return the exit status."""
     argv = list(sys.argv if args is None else args)
-    # Its settings start at once and loop a trajectory: never for a rig that is real.
+    # This file starts at once and repeats a trajectory: never used by default on a real rig.
     if '--params-file' not in argv and not any('simulate:=false' in a.lower() for a in argv):
         # In front, so that what the user gives wins.
         argv[1:1] = ['--ros-args', '--params-file', str(config_path('simulation.yaml')), '--']

@@ -3,9 +3,9 @@
 """
 Service ``diagnose`` of the model monitor: discovery on the memory, and its result.
 
-The work is done in a process of its own. Its answer goes out latched on ``model/diagnosis`` and
-lies in a folder with the model that it recommends. That model is the candidate; every ten seconds
-a thread asks whether it predicts the memory better than the present one, and where that fails.
+A diagnosis runs in a process of its own. Its result is published latched on ``model/diagnosis``
+and written to a folder with the recommended model. That model is the candidate: every ten seconds
+a thread compares its error on the memory with the present model's, and locates the latter.
 """
 
 from collections.abc import Callable
@@ -26,14 +26,14 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.live_model import error_on, failure_words, LiveModel, ModelWatch
 from fam_bundle_ros.nodes.models import bundle_from
 
-#: s between two looks at a worker, and between two at memory and candidate.
+#: Periods of polling the worker, and of comparing candidate and present model, s.
 _POLL, _LOOK = 0.2, 10.0
 
 
 @dataclass(frozen=True)
 class Candidate:
     """
-    A model that may take the place of the present one.
+    A model that may replace the present one.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Candidate:
     bundle : Bundle or None
         None where it cannot be read.
     error, present : float, N
-        Rms on the memory of the candidate and of the present model.
+        Rms force error of the candidate and of the present model, on the memory.
     refusal : str
         Why it may not be applied; empty where it may.
     """
@@ -68,7 +68,7 @@ class Diagnosing:
         With the parameters ``diagnosis_folder`` and ``diagnosis_effects``.
     watch : ModelWatch
     changed : callable
-        Called when `state` has something new.
+        Called when `state` changes.
     """
 
     def __init__(self, node: Any, watch: ModelWatch, changed: Callable[[], None]):
@@ -85,18 +85,18 @@ class Diagnosing:
 
     @property
     def state(self) -> dict[str, Any]:
-        """Return how far a diagnosis is, how the last one failed, and the candidate."""
+        """Return progress of the diagnosis, why the last one failed, and the candidate."""
         worker, candidate = self._worker, self._candidate
         return {'diagnosing': worker and {'share': worker.share, 'words': worker.words},
                 'failure': self._failure, 'candidate': candidate and candidate.to_dict()}
 
     def ready(self, file: str) -> LiveModel | None:
-        """Return the candidate as it was compiled, where it is this file."""
+        """Return the compiled candidate if it comes from this file, else None."""
         found = self._candidate
         return LiveModel(found.bundle) if found and found.file == file and found.bundle else None
 
     def look_closer(self) -> None:
-        """Let the thread look where there is reason to."""
+        """Compare the models in the thread, if there is a candidate or the model fails."""
         holds = self._watch.holding.holds
         if holds:
             self._watch.where = ''
@@ -105,7 +105,7 @@ class Diagnosing:
                                              self._candidate)
 
     def forget(self) -> None:
-        """Say that the model has changed: what was found was about another one."""
+        """Drop the candidate after a change of the model: it was compared with the old one."""
         self._file, self._candidate, self._look = '', None, None
 
     def stop(self) -> None:
@@ -161,7 +161,7 @@ class Diagnosing:
     # --- the thread ----------------------------------------------------------------------------
 
     def _collect(self) -> None:
-        """Take what the thread has found."""
+        """Take the result of the thread."""
         if self._look is None or not self._look.done():
             return
         found, self._look = self._look, None
@@ -170,7 +170,7 @@ class Diagnosing:
         except InputError:
             return  # the memory is too short yet
         if self._file and self._candidate is None:
-            # the diagnosis has ended meanwhile
+            # the diagnosis ended while the thread was at work
             self.look_closer()
         self._changed()
 
@@ -178,7 +178,7 @@ class Diagnosing:
 def look_closer(watch: ModelWatch, file: str, before: Candidate | None
                 ) -> tuple[str, Candidate | None]:
     """
-    Return where the present model fails, and a candidate held against it on the memory.
+    Return where the present model fails, and its comparison with a candidate, on the memory.
 
     Parameters
     ----------
@@ -186,12 +186,12 @@ def look_closer(watch: ModelWatch, file: str, before: Candidate | None
     file : str
         Of the candidate; empty for none.
     before : Candidate, optional
-        As it was found the last time.
+        Result of the last comparison.
 
     Raises
     ------
     InputError
-        Where the memory is too short.
+        When the memory is too short.
     """
     since, present = watch.since, watch.bundle
     data = watch.memory.measurement(since)
@@ -203,14 +203,14 @@ def look_closer(watch: ModelWatch, file: str, before: Candidate | None
 
 def candidate_on(data: Measurement, present: Bundle, file: str, before: Candidate | None = None
                  ) -> Candidate:
-    """Return a model file held against the present model on data."""
+    """Return the comparison of a model file with the present model on data."""
     try:
         bundle = before.bundle if before and before.bundle else bundle_from(file)
         old, new = error_on(present, data), error_on(bundle, data)
     except InputError as error:
         return Candidate(file, None, 0.0, 0.0, str(error))
     if before is None:
-        # the first step compiles
+        # the first step compiles the model: not when it is applied
         LiveModel(bundle).step(0.0, float(data.strain[0]), data.pressure[0].tolist(), 0.0)
     refusal = '' if new < old else (
         f'{bundle.name} predicts the memory no better: {new:.3g} N against {old:.3g} N of '

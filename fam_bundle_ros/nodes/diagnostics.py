@@ -35,7 +35,7 @@ class Report:
     values: dict[str, str] = field(default_factory=dict)
 
     def add(self, level: int, message: str) -> None:
-        """Add a message that is worth a level."""
+        """Add a message and its level."""
         if level > self.level:
             self.level = level
         self.messages.append(message)
@@ -47,7 +47,7 @@ class Report:
 
 class Meter:
     """
-    Counts what comes and measures its age, between two reports.
+    Measures rate, age and longest gap of messages between two reports.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Meter:
         self._since = time.monotonic()
 
     def tick(self) -> None:
-        """Note that something came."""
+        """Count a message."""
         now = time.monotonic()
         if self.last is not None:
             self._longest = max(self._longest, now - self.last)
@@ -70,7 +70,7 @@ class Meter:
         self._count += 1
 
     def report(self, report: Report, name: str) -> None:
-        """Add rate (Hz), age and longest gap (s) to a report and start afresh."""
+        """Add rate (Hz), age and longest gap (s) to a report and reset the counters."""
         now = time.monotonic()
         report.value(f'{name} rate', self._count / max(now - self._since, 1e-6))
         report.value(f'{name} age', 'never' if self.last is None else now - self.last)

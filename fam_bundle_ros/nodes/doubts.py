@@ -1,13 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Warnings on references: not reached for long, refused, or of changing kind."""
+"""Warnings about references: not reached for long, refused, or alternating in kind."""
 
 from collections.abc import Mapping
 
 from fam_bundle_ros.control import Reference
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
 
-#: s: an error that lasts less is a transient.
+#: Longest duration of a transient error, s.
 _PATIENCE = 2.0
 _UNITS = {'force': ' N', 'strain': ''}
 
@@ -19,7 +19,7 @@ class OffTarget:
     Parameters
     ----------
     limits : mapping
-        Largest error of ``force`` (N) and ``strain`` that is taken for reached.
+        Largest error of ``force`` (N) and ``strain`` at which the reference counts as reached.
 
     Examples
     --------
@@ -35,9 +35,9 @@ class OffTarget:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: nothing is asked for."""
+        """Start again, without a reference."""
         self._since: float | None = None
-        #: What is off, in words; empty while nothing is.
+        #: Which quantity is off its reference, as text; empty for none.
         self.text = ''
 
     def update(self, now: float, reference: Reference, measured: Mapping[str, float]) -> None:
@@ -69,18 +69,18 @@ class ReferenceTally:
         self._refused: list[str] = []
 
     def take(self, kind: str) -> None:
-        """Note a reference that was taken."""
+        """Note a reference that was accepted."""
         if kind != self._kind != '':
             self._changes += 1
             self._between = tuple(sorted((kind, self._kind)))
         self._kind = kind
 
     def refuse(self, reason: str) -> None:
-        """Note one that was not."""
+        """Note a reference that was refused."""
         self._refused.append(reason)
 
     def report(self, report: Report) -> None:
-        """Warn of both, and start afresh."""
+        """Add warnings of both to a report and reset the counters."""
         if self._refused:
             report.add(WARN, f'{len(self._refused)} references refused: {self._refused[-1]}')
         if self._changes > 1:

@@ -20,7 +20,7 @@ _SILENT = 1.0
 
 class ImposedStrain:
     """
-    Moves the dynamometer to the strain of the last message, and on at its rate until the next.
+    Moves the dynamometer to the strain of the last message, then at its rate until the next.
 
     Parameters
     ----------
@@ -42,24 +42,24 @@ class ImposedStrain:
         if not isinstance(self._rig.load, Dynamometer):
             raise InputError(f'the load is a {type(self._rig.load).__name__}; only load.kind '
                              'dynamometer imposes a strain')
-        # Refuses a strain that no dynamometer goes to.
+        # Raises for a strain beyond the dynamometer's stops.
         Dynamometer(strain)
         rate = rate if abs(rate) <= self._node.p['load.speed'] else 0.0
         self._reference.take(Reference('strain', strain, rate), self._time())
         self._taken, self._away = self._time(), True
 
     def forget(self) -> None:
-        """Stay where it is."""
+        """Drop the reference: the dynamometer stays where it is."""
         self._reference = MovingReference()
         self._taken = -math.inf
 
     @property
     def obeyed(self) -> bool:
-        """Whether messages come, so that no profile moves the dynamometer."""
+        """Whether messages move the dynamometer at present, instead of a profile."""
         return self._time() - self._taken < _SILENT
 
     def follow(self, target: float, period: float) -> None:
-        """Let the dynamometer follow a profile; back to it no faster than ``load.speed``."""
+        """Follow a profile; return to it at ``load.speed`` at most after messages ended."""
         rate = abs(target - self._rig.truth.strain) / period
         if self._away:
             self.forget()
@@ -68,7 +68,7 @@ class ImposedStrain:
         self._rig.impose_strain(target, rate)
 
     def before(self, period: float) -> None:
-        """Let the dynamometer go to where it is wanted after a step of the rig."""
+        """Move the dynamometer to where it must be after the next step of the rig."""
         self._now += period
         wanted = self._reference.at(self._time() + (0.0 if self._node.lock_step else period))
         if wanted is None:

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The emergency stop as a node receives it: a True of any publisher stops.
+The emergency stop as a node receives it: True from any publisher stops.
 
-The interface has one publisher of ``e_stop``, which knows about all buttons. Messages do not tell
-who sent them: where there are more publishers, a False may come from one that does not know of
-another's stop, and is ignored.
+There should be one publisher of ``e_stop``, which knows about all buttons. Messages do not name
+their sender: with several publishers, a False may come from one that does not know about
+another's stop, so it is ignored.
 """
 
 from collections.abc import Callable
@@ -25,13 +25,13 @@ class EmergencyStop:
     ----------
     node : BundleNode
     on_stop : callable
-        Called when it goes on.
+        Called when the emergency stop is activated.
 
     Attributes
     ----------
     on : bool
     doubt : str
-        Why it is still on although a False came; else empty.
+        Why the stop is still on after a False; else empty.
     """
 
     def __init__(self, node: BundleNode, on_stop: Callable[[], None]):
@@ -58,7 +58,7 @@ class EmergencyStop:
             self.on, self.doubt = False, ''
 
     def report(self, report: Report) -> None:
-        """Add whether it is on, and what keeps it so."""
+        """Add whether the stop is on, and what prevents its release."""
         report.value('e_stop', self.on)
         if self.doubt:
             report.add(ERROR, self.doubt)

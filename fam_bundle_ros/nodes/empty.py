@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Nodes that send and receive what the bundle's nodes do and compute nothing.
+Nodes that send and receive the messages of the bundle's nodes without computing anything.
 
-The limit that rclpy and the middleware set: `fam_bundle bench` measures them beside the bundle's
-own nodes in the same graph. Messages are made once; only their stamp is written anew.
+They show the limit of rclpy and the middleware: `fam_bundle bench` measures them beside the
+bundle's own nodes in the same graph. Messages are made once; only their stamp is rewritten.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -24,7 +24,7 @@ from std_msgs.msg import Bool
 
 from fam_bundle_ros.nodes import interface
 
-#: Pa (gauge): what an empty rig shows and an empty controller asks for.
+#: Pressures that the empty rig shows and that the empty controller commands, Pa (gauge).
 PRESSURE, SETPOINT = 100e3, 100.5e3
 _AMBIENT = 101325.0
 
@@ -37,9 +37,9 @@ class Relay(Node):
     ----------
     name : str
     awaited : mapping of str to type
-        Topics; when each has brought a message of one stamp, `outputs` are sent with it.
+        Topics; once each has brought a message of the same stamp, `outputs` are sent with it.
     heard : mapping of str to type
-        Topics that are received and left.
+        Topics that are received and ignored.
     outputs : mapping of str to message
     qos : QoSProfile
         Of the subscriptions.
@@ -79,7 +79,7 @@ class Relay(Node):
         return self.create_subscription(kind, topic, callback, qos)
 
     def send(self, stamp: Any = None) -> None:
-        """Send all outputs, stamped with the present time or as told."""
+        """Send all outputs with ``stamp``, by default the present time."""
         if stamp is None:
             stamp = self.get_clock().now().to_msg()
         for publisher, message in self._outputs:
@@ -89,7 +89,7 @@ class Relay(Node):
     def _taker(self, topic: str) -> Callable[[Any], None]:
         def take(message: Any) -> None:
             stamp = message.header.stamp
-            # No period here is a multiple of a second.
+            # The nanoseconds alone tell stamps apart: no period is a multiple of a second.
             if stamp.nanosec != self._now:
                 self._now = stamp.nanosec
                 self._missing.update(self._awaited)
@@ -121,7 +121,7 @@ class EmptyRig(Relay):
                          outputs, interface.stream_qos(lock_step),
                          0.0 if lock_step else 1.0 / rate, context, namespace)
         if lock_step:
-            # Until the first answer: nobody may have been there yet.
+            # Repeated until the first answer: subscribers may not have been discovered yet.
             self.create_timer(0.2, self._begin, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def answer(self, stamp: Any) -> None:

@@ -4,9 +4,9 @@
 Faults of the simulated rig over ROS: parameters ``faults.*``, service ``fault/clear``, messages.
 
 Faults of instruments, valves and air belong to the rig (`fam_bundle_ros.plant.Faults`). Those of
-messages act here, between rig and topics: nothing sent, sent late, some lost. In lock-step, where
-everybody waits for a message that is late or lost, the rig shows such a reading late or repeats
-it instead, as in the closed loop without ROS.
+messages act here, between rig and topics: none sent, sent late, some lost. In lock-step every
+node waits for a late or lost message, so the rig delays or repeats the reading instead, as in
+the closed loop without ROS.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ from fam_bundle_ros.plant.sensors import channel_names
 
 _CHANNELS = ('channels: force, strain, supply, mu1/pressure, ...; all for every one; several '
              'with commas')
-#: Field of `Faults`, what it means, an example of its value; '' for a channel or unit alone.
+#: Field of `Faults`, parameter, meaning, example ('' where the parameter lists names only).
 _OF_CHANNELS = (
     ('dropout', 'nan', f'show nan, {_CHANNELS}', ''),
     ('frozen', 'frozen', 'repeat their last reading', ''),
@@ -38,16 +38,16 @@ _OF_CHANNELS = (
     ('offset', 'offset', 'added to a reading, in its unit', 'mu1/pressure=-50e3'),
     ('drift', 'drift', 'added to a reading per second', 'mu1/pressure=-20e3'),
     ('spike', 'spike', 'added to one reading in 0.1 s', 'mu1/pressure=-2e5'),
-    ('delay', 'delay', 'a reading shows what was so long ago, s, stamped now', 'force=0.1'),
+    ('delay', 'delay', 'delay of a reading, s, which has the present stamp', 'force=0.1'),
     ('exchanged', 'exchanged', 'two channels exchanged', 'mu1/pressure=mu2/pressure'),
     ('units', 'units', 'unit in which a reading is sent: '
      + ', '.join(unit for units in UNITS.values() for unit in units), 'mu1/pressure=psi'),
     ('silent', 'silent', 'nothing is sent', ''),
-    ('late', 'late', 'sent so late, s, stamped when read', 'all=0.3'),
+    ('late', 'late', 'delay of a message, s, which keeps the stamp of its reading', 'all=0.3'),
     ('lost', 'lost', 'share of the messages that is lost', 'force=0.5'),
 )
 _OF_UNITS = (
-    ('stuck_valve', 'valves that no longer move: where they are, or at an opening', 'mu1=0.3'),
+    ('stuck_valve', 'valves stuck at their present opening or at a given one', 'mu1=0.3'),
     ('leaking_valve', 'valves that let supply air in, through an opening', 'mu1=0.1'),
     ('reversed_valve', 'valves that exhaust when told to fill', ''),
     ('exchanged_valves', 'two valves exchanged', 'mu1=mu2'),
@@ -79,7 +79,7 @@ def faults_from(values: dict[str, Any], units: int) -> Faults:
     Raises
     ------
     InputError
-        When one names a motor unit or channel that is not there, or a value does not fit.
+        When a parameter names an unknown motor unit or channel, or a value is out of range.
     """
     channels = channel_names(units)
     unit_names = {f'mu{i + 1}': i for i in range(units)}
@@ -102,7 +102,7 @@ def faults_from(values: dict[str, Any], units: int) -> Faults:
 
 def _pairs(name: str, text: str, known: Sequence[str], example: str, bare: bool = False
            ) -> list[tuple[str, Any]]:
-    """Return what a parameter names and the value of each; None without one where it may lack."""
+    """Return the names in a parameter with their values; None for a name without a value."""
     found: list[tuple[str, Any]] = []
     for item in filter(None, (part.strip() for part in text.split(','))):
         what, equals, value = (part.strip() for part in item.partition('='))
@@ -128,7 +128,7 @@ def _value(name: str, item: str, value: str, known: Sequence[str], example: str)
 
 class FaultInjection:
     """
-    Breaks a simulated rig and what it sends, as the node's parameters ``faults.*`` say.
+    Applies the faults of the parameters ``faults.*`` to a simulated rig and its messages.
 
     Parameters
     ----------
@@ -141,13 +141,13 @@ class FaultInjection:
     Attributes
     ----------
     faults : Faults
-        All of them.
+        Those of the rig and those of messages.
     """
 
     def __init__(self, node: BundleNode, units: int, apply: Callable[[Faults], None]):
         self._node, self._units, self._apply = node, units, apply
         self._random = random.Random(0)
-        #: Steady time when due, number, and what to do then.
+        #: Delayed messages: steady time when due (s), sequence number, function that sends.
         self._held: list[tuple[float, int, Callable[[], None]]] = []
         self._number = count()
         self._timer: Any = None
@@ -156,15 +156,15 @@ class FaultInjection:
         node.trigger(interface.FAULT_CLEAR, self._clear)
 
     def check(self, values: dict[str, Any]) -> None:
-        """Refuse parameters that make no sense (InputError)."""
+        """Check the parameters (InputError)."""
         faults_from(values, self._units)
 
     def take(self) -> None:
-        """Take over what the parameters say now."""
+        """Apply the present parameters."""
         self.set(faults_from(self._node.p, self._units))
 
     def set(self, faults: Faults) -> None:
-        """Set faults in place of those of the parameters, until a parameter changes."""
+        """Apply other faults than those of the parameters, until a parameter changes."""
         self.faults = faults
         if self._node.lock_step:
             self._apply(replace(copy.deepcopy(self.faults), silent=set()))
@@ -172,7 +172,7 @@ class FaultInjection:
             self._apply(self.faults.without_messages())
 
     def send(self, channel: str, send: Callable[..., None], *values: Any) -> None:
-        """Send a message, or not, or later."""
+        """Send a message, or delay or drop it as the faults say."""
         faults = self.faults
         if channel in faults.silent:
             return

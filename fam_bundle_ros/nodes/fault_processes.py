@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Each node in a process of its own; one is killed or stopped, and the outcome is judged.
+Runs each node in a process of its own, kills or stops one, and judges the outcome.
 
-Over real ROS and in wall time, on the simulated rig with 6 bar and without a trip of its own. What
-is seen is what a rig sees: valve commands, `supply_enable`, pressures (of sound sensors).
+On real ROS and in wall time, on the simulated rig at 6 bar and without a trip of its own. The
+verdict uses what a rig sees: valve commands, `supply_enable`, pressures (of healthy sensors).
 """
 
 from collections.abc import Callable, Sequence
@@ -44,28 +44,28 @@ NODES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ('recruitment_controller', 'recruitment_controller', {'rate': 100.0}),
     ('reference_generator', 'reference_generator', {'prepare': 0.0}),
 )
-#: What happens: its name, whether the process is killed (else stopped), and after how many
-#: seconds it is started again (goes on); None for never.
+#: Events: name, whether the process is killed (else stopped), and after how many seconds it is
+#: started again (resumed); None for never.
 EVENTS = (('killed', True, None), ('killed, started again', True, 3.0),
           ('stopped for 3 s', False, 3.0))
 ALL_NODES = tuple(item[0] for item in NODES)
 ALL_EVENTS = tuple(item[0] for item in EVENTS)
-#: s that the force must have been there before anything happens; s that a service may take.
+#: Time for which the force must be reached before the event, and time-out of a service, s.
 _STEADY, _ANSWERED = 1.0, 2.0
-#: N; s that the run is watched after the last event; s for everybody to find each other.
+#: Force (N), observation time after the last event (s), time-out of the start (s).
 _FORCE, _WATCHED, _PATIENCE = 100.0, 3.0, 40.0
-#: s: a valve that exhausts for less is a regulating one.
+#: A valve that exhausts for less than this is regulating, s.
 _LASTING = 0.05
-#: Pa gauge: a unit below is vented, one above again is back.
+#: Pressures below which a unit is vented, and above which it is filled again, Pa (gauge).
 _VENTED, _BACK = 20e3, 40e3
-#: s without a command after which the rig vents a unit by itself, and without `supply_enable`
-#: after which it shuts the supply.
+#: Time-outs after which the rig itself vents a unit (commands) and shuts the supply
+#: (`supply_enable`), s.
 _COMMAND_TIMEOUT, _SUPPLY_TIMEOUT = 0.5, 2.0
-#: Five processes on a desktop are held up for longer than the watchdogs of a rig allow.
+#: Five processes on a desktop are delayed for longer than the watchdogs of a rig allow.
 _DESKTOP = {'sensor_timeout': 0.5, 'setpoint_timeout': 0.5, 'command_timeout': _COMMAND_TIMEOUT,
             'supply_timeout': _SUPPLY_TIMEOUT, 'clocks_synchronised': False}
-#: Pa gauge: where a relief valve opens. The trip of the controllers and what flows in during two
-#: periods at 200 Hz and full opening come to more.
+#: Opening pressure of a relief valve, Pa (gauge). The trip pressure of the controllers plus the
+#: inflow of two periods (200 Hz, valve fully open) is higher.
 _RELIEF = ChamberConfig().relief_pressure
 
 
@@ -81,7 +81,7 @@ class _Row:
 
 
 class _Witness(BundleNode):
-    """Records what a rig receives and what it shows."""
+    """Records the commands that a rig receives and its readings."""
 
     def __init__(self, context: Context, namespace: str):
         super().__init__('witness', (), context=context, namespace=namespace)
@@ -114,7 +114,7 @@ class _Witness(BundleNode):
     def _note(self) -> None:
         now = time.monotonic()
         heard, permitted = self._supply
-        # Where it was never published it shuts nothing.
+        # Before the first message the supply is not shut.
         shut = math.isfinite(heard) and (not permitted or now - heard > _SUPPLY_TIMEOUT)
         self.rows.append(_Row(now, tuple(self._pressure), self._force, tuple(
             value < -0.5 or now - came > _COMMAND_TIMEOUT for came, value in self._commands),
@@ -122,7 +122,7 @@ class _Witness(BundleNode):
 
 
 class _Process:
-    """A node that runs by itself."""
+    """A node in a process of its own."""
 
     def __init__(self, module: str, parameters: dict[str, Any], namespace: str, log: Path,
                  domain: int | None):
@@ -136,13 +136,13 @@ class _Process:
                 env=os.environ | ({} if domain is None else {'ROS_DOMAIN_ID': str(domain)}))
 
     def signal(self, number: int) -> None:
-        """Send a signal, and wait for the end where it kills."""
+        """Send a signal; after SIGKILL, wait for the end of the process."""
         self._process.send_signal(number)
         if number == signal.SIGKILL:
             self._process.wait()
 
     def end(self) -> None:
-        """End it whatever it does."""
+        """Kill the process if it still runs."""
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()
@@ -157,7 +157,7 @@ def run_processes(progress: Callable[[int, int, str], None] = lambda done, every
     Parameters
     ----------
     progress : callable
-        Gets how many are done, how many there are, and which is next.
+        Called with the number of cases done, the number of cases, and the next one.
     nodes, events : sequence of str
         Some of `NODES` and `EVENTS`.
     domain : int, optional
@@ -172,7 +172,7 @@ def run_processes(progress: Callable[[int, int, str], None] = lambda done, every
     Raises
     ------
     InputError
-        When the bundle does not reach its force before anything happens to it.
+        When the bundle does not reach its force before the event.
     """
     cases = [(node, event) for node in nodes for event in EVENTS if event[0] in events]
     rows = []
@@ -217,13 +217,13 @@ def _run(name: str, event: str, kill: bool, again: float | None, namespace: str,
             for process in started.values():
                 process.end()
             context.try_shutdown()
-    # Without one of these `enable` has nothing that it could switch on.
+    # Without rig or pressure loop `enable` must refuse.
     gone = again is None and name not in ('reference_generator', 'recruitment_controller')
     return {'node': name, 'event': event, **_judge(witness.rows, struck, gone, answer)}
 
 
 def _reach(spinner: Spinner, witness: _Witness, log: Path) -> None:
-    """Switch on, and wait until the force has been there for a while."""
+    """Enable, and wait until the force has been held for a while."""
     end = time.monotonic() + _PATIENCE
     reached: float | None = None
     asked = 0.0
@@ -245,7 +245,7 @@ def _reach(spinner: Spinner, witness: _Witness, log: Path) -> None:
 
 
 def _enable(spinner: Spinner, witness: _Witness, patience: float) -> str:
-    """Return what `enable` answers, in a word."""
+    """Return the answer of `enable`, in a word."""
     if not witness.enable.service_is_ready():
         return 'not there'
     future = witness.enable.call_async(SetBool.Request(data=True))
@@ -272,7 +272,7 @@ def _judge(rows: Sequence[_Row], struck: float, refuse: bool, answer: str) -> di
 
 
 def _lasting(rows: Sequence[_Row], holds: Callable[[_Row], bool]) -> float | None:
-    """Return when something begins to hold for `_LASTING` at least; None where it never does."""
+    """Return from when on a condition holds for `_LASTING` at least; None for never."""
     since: float | None = None
     for row in rows:
         since = (row.time if since is None else since) if holds(row) else None

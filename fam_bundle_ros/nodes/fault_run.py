@@ -24,37 +24,37 @@ from fam_bundle_ros.nodes.session import run_trajectory
 from fam_bundle_ros.plant import RigConfig
 from fam_bundle_ros.simulation import Trajectory
 
-#: A rig in wall time waits for nobody; what is silent in lock-step is soon waited for no more.
+#: In wall time the rig does not wait for the nodes; in lock-step a silent channel is soon lost.
 _SIMULATED = {'monitor': False, 'lock_step_timeout': 0.4, 'patience': 0.0}
-#: Watchdogs as they ship; `run_trajectory` has wider ones for busy machines.
+#: The default watchdogs; `run_trajectory` has longer ones for busy machines.
 _AS_SHIPPED = {'sensor_timeout': 0.1, 'setpoint_timeout': 0.2, 'command_timeout': 0.1}
 
 
 class Observer:
     """
-    Notes, after each step of the rig, what is true there and what state the nodes are in.
+    Records the true state of the rig and the states of the nodes after each step of the rig.
 
     Parameters
     ----------
     enable_at : float, s, optional
-        Of the trajectory: calls `enable` then.
+        Time of the trajectory at which the service `enable` is called.
     """
 
     def __init__(self, enable_at: float | None = None) -> None:
         self._enable_at = enable_at
         self._client: Any = None
-        #: What `enable` answered; empty while nobody has called it.
+        #: Answer of `enable`; empty before the call.
         self.enable = ''
         self._rows: list[tuple[Any, ...]] = []
         self._begin: float | None = None
 
     def __call__(self, time: float, simulator: PlantSimulator, nodes: Sequence[BundleNode],
                  commands: list[float]) -> None:
-        """Take a row; a `session.Watch`."""
+        """Record a row; called as a `session.Watch`."""
         rig = simulator.rig
         truth = rig.truth
         if not math.isfinite(time):
-            # In wall time the rig runs before the trajectory does.
+            # In wall time the rig runs before the trajectory begins.
             return
         if self._begin is None:
             self._begin = time - rig.state.time
@@ -66,7 +66,7 @@ class Observer:
         guards = [node._guard.now for node in nodes
                   if isinstance(node, RecruitmentNode | PressurePidNode)]
         states = tuple(f'{now.state.value} {now.cause}'.strip() for now in guards)
-        # The rig's own clock: that of the trajectory stands still where its generator is held up.
+        # The rig's own clock: the trajectory's clock stands still while its generator is delayed.
         self._rows.append((self._begin + rig.state.time, truth.pressure, truth.force,
                            truth.strain, tuple(commands), rig.state.air.dumping, states))
 
@@ -97,7 +97,7 @@ def run_with_faults(model: Bundle, trajectory: Trajectory, rig: RigConfig,
     overrides : mapping
         Parameters of nodes.
     enable_at : float, s, optional
-        As of `Observer`.
+        See `Observer`.
     lock_step : bool
     rate : float, Hz
     seed : int

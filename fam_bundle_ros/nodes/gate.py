@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Lock-step: collects what belongs to one stamp. No ROS.
+Lock-step: collects the messages of one stamp. No ROS.
 
-Every node of the loop answers a stamp once it has all messages of it, so that the run is the same
-whatever order they arrive in. A channel that stays away for too long
-is lost: it is waited for no more until it comes back, and the node treats it as stale.
+Every node of the loop answers a stamp once it has all messages of that stamp, so that the run does
+not depend on the order in which they arrive. A channel that is silent for too long is lost: nodes
+do not wait for it until it returns, and treat its value as stale.
 """
 
 from collections.abc import Iterable
@@ -43,10 +43,10 @@ class Gate:
 
     def put(self, channel: str, stamp: int, value: Any) -> bool:
         """
-        Take a value; return whether everything of the newest stamp is in.
+        Take a value; return whether all values of the newest stamp have arrived.
 
-        A stamp before the newest begins time anew (the simulator was reset) when it comes from a
-        channel that carried the newest itself; else it is late and only brings the channel back.
+        A stamp before the newest restarts time (the simulator was reset) if its channel carried
+        the newest stamp; otherwise the value is late, and only shows that the channel is back.
         """
         self.lost.discard(channel)
         before = self._latest[channel][0]
@@ -68,7 +68,7 @@ class Gate:
         return [name for name in self._latest if name in self._missing]
 
     def give_up(self) -> list[str]:
-        """Count the channels that are waited for as lost and return them."""
+        """Mark the channels that are waited for as lost and return them."""
         missing = self.missing
         self.lost.update(missing)
         self._missing.clear()

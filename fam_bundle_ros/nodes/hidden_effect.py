@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""An effect that the simulated rig has and no model knows, switched on and off while it runs."""
+"""An effect of the simulated rig that is in no model, switched on and off while the rig runs."""
 
 from collections.abc import Mapping
 import re
@@ -13,8 +13,8 @@ from fam_bundle_ros.model import Bundle, dumps_model, loads_model
 from fam_bundle_ros.nodes.parameters import Spec
 from fam_bundle_ros.plant import Rig
 
-HIDDEN = Spec('hidden_effect', '', 'an effect that the rig has besides, as a model file writes '
-              'it: "coulomb_friction: {force: 4 N}"', dynamic=True)
+HIDDEN = Spec('hidden_effect', '', 'an additional effect of the rig, written as in a model file: '
+              '"coulomb_friction: {force: 4 N}"', dynamic=True)
 
 
 class HiddenEffect:
@@ -24,7 +24,7 @@ class HiddenEffect:
     Parameters
     ----------
     rig : Rig
-        As it is without the effect.
+        The rig without the effect.
     text : str
         The parameter at the start.
     """
@@ -35,12 +35,12 @@ class HiddenEffect:
         self.take(text)
 
     def check(self, values: Mapping[str, Any]) -> None:
-        """Refuse a text that is no effect, or one that the rig has already (InputError)."""
+        """Check that a text is an effect which the rig does not have yet (InputError)."""
         if values[HIDDEN.name] not in ('', self._text):
             with_written_effect(self._plain, values[HIDDEN.name])
 
     def take(self, text: str) -> None:
-        """Let the rig go on with this effect, or without for an empty text."""
+        """Replace the additional effect of the rig; an empty text removes it."""
         if text != self._text:
             self._rig.change_bundle(with_written_effect(self._plain, text) if text
                                     else self._plain)
@@ -49,7 +49,7 @@ class HiddenEffect:
 
 def with_written_effect(bundle: Bundle, text: str) -> Bundle:
     """
-    Return a bundle with one effect more, written as in a model file.
+    Return a bundle with an additional effect, written as in a model file.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def with_written_effect(bundle: Bundle, text: str) -> Bundle:
         raise InputError(f'{HIDDEN.name} is {text!r}; expected an effect as a model file writes '
                          'it, such as "coulomb_friction: {force: 4 N}"') from error
     except InputError as error:
-        # its line number is that of a file made here
+        # the line number is that of the text made above, which the user does not see
         raise InputError(re.sub(r', line \d+', '', str(error))) from error
     if any(own.name == effect.name for own in bundle.effects):
         raise InputError(f'{HIDDEN.name}: {bundle.name} has {effect.name} already')

@@ -3,14 +3,14 @@
 """
 The ROS interface: names, types, QoS and the conversion of every message, both ways.
 
-The one place that knows how a quantity looks on a topic. Inside, stamps are integers in
-nanoseconds and pressures are gauge; FluidPressure is absolute. Every scalar is cast: Jazzy's
-Python messages write a wrong type as garbage without a word. Motor units count from 1 here, as
-in the topic names.
+The only module that knows the messages. Elsewhere, stamps are integers in nanoseconds and
+pressures are gauge; FluidPressure is absolute. Every scalar is cast, as Jazzy's Python messages
+write a value of the wrong type as garbage without an error. Motor units are numbered from 1 here,
+as in the topic names.
 
-Making a message takes longer than sending it. What is sent for every sample is therefore made
-once: a *writer* is a function that writes one message anew and returns it, to be published
-before the next call. ``..._message`` returns a message of its own.
+Making a message takes longer than sending it. A message that is sent for every sample is therefore
+made once: a *writer* is a function that rewrites one message and returns it, to be published
+before the next call. ``..._message`` returns a new message.
 """
 
 from array import array
@@ -37,7 +37,7 @@ SUPPLY = 'supply/pressure'
 REFERENCE_FORCE = 'reference/force'
 REFERENCE_STRAIN = 'reference/strain'
 REFERENCE_PRESSURES = 'reference/pressures'
-#: The strain that a dynamometer shall impose.
+#: Strain setpoint of the dynamometer.
 REFERENCE_DYNAMOMETER = 'reference/dynamometer'
 TRAJECTORY = 'reference/trajectory'
 RECRUITMENT_STATE = 'recruitment_state'
@@ -86,18 +86,18 @@ def valve_topic(unit: int) -> str:
 
 
 def pid_state_topic(unit: int) -> str:
-    """Return the name of the topic on which a pressure loop says how it is."""
+    """Return the name of the topic with the state of a motor unit's pressure loop."""
     return f'mu{unit}/pid_state'
 
 
 def pressure_channels(units: int) -> list[tuple[str, str]]:
-    """Return topic and frame of every pressure that a rig shows, the supply's first."""
+    """Return topic and frame of every measured pressure, the supply's first."""
     return [(SUPPLY, 'supply'), *((pressure_topic(k), f'mu{k}') for k in range(1, units + 1))]
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of the interface: its name, its message type, and whether the last one is kept."""
+    """A topic of the interface: name, message type, and whether it is latched."""
 
     name: str
     type: Any
@@ -111,7 +111,7 @@ class Topic:
 
 
 def topics(units: int) -> tuple[Topic, ...]:
-    """Return every topic of a bundle with that many motor units, ``/clock`` not among them."""
+    """Return every topic of a bundle with ``units`` motor units, except ``/clock``."""
     per_unit = [Topic(name(unit), kind) for unit in range(1, units + 1) for name, kind in (
         (pressure_topic, FluidPressure), (setpoint_topic, FluidPressure),
         (valve_topic, JointState))]
@@ -135,7 +135,7 @@ def topics(units: int) -> tuple[Topic, ...]:
 PUBLISH = QoSProfile(depth=10)
 #: For events that must not be lost.
 RELIABLE = QoSProfile(depth=10)
-#: Lock-step must see every message, however long a subscriber was held up.
+#: In lock-step no message may be lost, however long a subscriber is delayed.
 LOCK_STEP = QoSProfile(depth=200)
 #: Matches every driver, and never queues old readings.
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -230,7 +230,7 @@ def contraction_writer() -> Callable[[int, float], JointState]:
     """
     Return the writer (stamp, contraction in m) of a rig that does not know the rest length.
 
-    The strain is then the model's to work out.
+    The receiver computes the strain with the rest length of its model.
     """
     joints = joint_writer(('contraction',), 'position')
     return lambda stamp, contraction: joints(stamp, (contraction,))
@@ -248,8 +248,8 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
     Raises
     ------
     InputError
-        When there is neither a joint ``strain`` nor a joint ``contraction``, or positions or
-        velocities are not one for each joint: which one is missing is unknown.
+        When there is neither a joint ``strain`` nor a joint ``contraction``, or when the number
+        of positions or velocities is not that of the joints.
     """
     joints, rates = len(message.name), len(message.velocity)
     if len(message.position) != joints or rates not in (0, joints):
@@ -268,7 +268,7 @@ def pressure_writer(ambient: float, frame: str = '') -> Callable[[int, float], F
     """
     Return the writer (stamp, gauge pressure in Pa) of a pressure.
 
-    The message is defined to carry the absolute one, gauge + ``ambient``.
+    The message carries absolute pressure by definition: gauge + ``ambient`` (Pa).
     """
     message = FluidPressure()
     message.header.frame_id = frame
@@ -295,7 +295,7 @@ def valve_writer(unit: int) -> Callable[[int, float], JointState]:
     """
     Return the writer (stamp, command) of a valve command, -1 exhaust, 0 closed, 1 fill.
 
-    The stamp is that of the reading that it answers.
+    The stamp is that of the reading on which the command is based.
     """
     joints = joint_writer((f'mu{unit}_valve',), 'effort')
 
@@ -331,10 +331,7 @@ def read_valve(message: JointState, unit: int) -> float:
 # --- references -------------------------------------------------------------------------------
 
 def reference_force_writer() -> Callable[[int, float, float], WrenchStamped]:
-    """Return the writer (stamp, force, rate) of a force reference, N; it does not send the rate.
-
-    A wrench has no room for it.
-    """
+    """Return the writer (stamp, force, rate) of a force reference, N; a wrench has no rate."""
     wrench = force_writer()
     return lambda stamp, force, rate: wrench(stamp, force)
 
@@ -355,7 +352,7 @@ def reference_pressures_writer(units: int) -> Callable[[int, Iterable[float]], J
 
 def read_pressures(message: JointState, units: int) -> tuple[float, ...]:
     """
-    Return the gauge pressures that are asked of mu1 ... mu<n>, Pa, whatever their order.
+    Return the pressure references of mu1 ... mu<n>, Pa (gauge); the joints may have any order.
 
     Raises
     ------
@@ -388,5 +385,5 @@ def recruitment_writer(units: int) -> Callable[..., JointState]:
 
 
 def bool_message(value: bool) -> Bool:
-    """Return a Bool; numpy's own bools would go out as False."""
+    """Return a Bool; a numpy bool would be sent as False."""
     return Bool(data=bool(value))

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All parameters of the package: an unknown one is refused, where ROS would ignore it."""
+"""All parameters of the package; an unknown one is refused, whereas ROS ignores it."""
 
 from collections.abc import Iterable
 import difflib
@@ -17,9 +17,9 @@ from fam_bundle_ros.nodes import (
 )
 from fam_bundle_ros.nodes.base import BundleNode, COMMON
 
-#: As many motor units as a node can have.
+#: Largest number of motor units of a node.
 _UNITS = 64
-#: Names of all parameters; files may speak to nodes that are not started here.
+#: Names of all parameters; files may contain those of nodes that are not started here.
 NAMES = frozenset(spec.name for spec in (
     *COMMON, *bundle_bringup.SPECS, *model_monitor.SPECS, *pid_parameters.SPECS,
     *plant_simulator.SPECS, *recruitment_parameters.SPECS, *reference_generator.SPECS,
@@ -33,7 +33,7 @@ def refuse_unknown(nodes: Iterable[BundleNode]) -> None:
     Raises
     ------
     InputError
-        It names the parameter, and the one that comes nearest.
+        The message contains the unknown name and the most similar known one.
     """
     nodes = list(nodes)
     given = {name for node in nodes for name in node._parameter_overrides}

@@ -3,9 +3,9 @@
 """
 Measures a graph of nodes: time from a sample to the last valve command that answers it.
 
-The same stopwatch sits on the rig of the bundle's own graph and on that of the empty one
-(`fam_bundle_ros.nodes.empty`). One call of `measure` is one graph; `fam_bundle bench` calls it in
-a process of its own.
+The same stopwatch measures at the rig of the bundle's own graph and at that of the empty graph
+(`fam_bundle_ros.nodes.empty`). One call of `measure` runs one graph; `fam_bundle bench` calls it
+in a process of its own.
 """
 
 from collections.abc import Callable
@@ -34,9 +34,9 @@ from fam_bundle_ros.nodes.process import node_command
 from fam_bundle_ros.nodes.session import DESKTOP
 from fam_bundle_ros.resources import config_path
 
-#: Answers before the measurement begins: processes find each other, caches fill.
+#: Answers before the measurement begins: nodes are discovered, caches fill.
 _WARM_UP = 100
-#: s until the first answer.
+#: Time-out of the first answer, s.
 _PATIENCE = 20.0
 
 
@@ -57,10 +57,10 @@ class Stopwatch:
         self.begin(float('inf'), _WARM_UP)
 
     def begin(self, seconds: float, answers: float = float('inf')) -> None:
-        """Count anew, and end after some time or answers, whichever is first."""
+        """Restart the measurement; it ends after a time or a number of answers."""
         self.start, self._seconds, self._answers = time.perf_counter(), seconds, answers
         self.sent = 0
-        #: s from sample to last answer, one for each sample that was answered.
+        #: Time from sample to last answer for each answered sample, s.
         self.latencies: list[float] = []
 
     @property
@@ -129,7 +129,7 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
             lock_step: bool = False, processes: bool = False,
             profile: str = '') -> dict[str, Any]:
     """
-    Run a graph for some time and return what the stopwatch saw.
+    Run a graph for some time and return the statistics of its latency.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def _timed(executor: Executor, watch: Stopwatch, seconds: float,
 
 
 def _until(executor: Executor, watch: Stopwatch, limit: float) -> None:
-    """Run until the stopwatch is content, or for a limit in s."""
+    """Run until the measurement has ended, for ``limit`` (s) at most."""
     watch.future = Future(executor=executor)
     executor.spin_until_future_complete(watch.future, timeout_sec=limit)
 
@@ -251,7 +251,7 @@ def _own(role: str, values: dict[str, Any], namespace: str) -> list[str]:
 
 
 def _bundle(units: int) -> Bundle:
-    """Return the bundle of the paper with as many motor units like its first."""
+    """Return the bundle of the paper, or for other numbers of units copies of its first unit."""
     paper = load_model(config_path('models/spie2021.yaml'))
     first = paper.motor_units[0]
     return paper if units == 2 else Bundle(

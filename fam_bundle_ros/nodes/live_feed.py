@@ -3,17 +3,17 @@
 """
 A running bundle as lines of JSON, for a program that has no ROS: the page "Live".
 
-``python -m fam_bundle_ros.nodes.live_feed`` writes what the topics say on standard output, ten
-times a second, and takes orders on standard input, a line of JSON each::
+``python -m fam_bundle_ros.nodes.live_feed`` writes the values of the topics to standard output,
+ten times a second, and reads orders from standard input, a line of JSON each::
 
     {"call": "diagnose"}
     {"set": "hidden_effect", "of": "plant_simulator", "value": "mesh"}
 
 It ends when standard input does.
 
-Lines have a key ``kind``: ``graph`` (which nodes run), ``sample`` (newest values, and what the
-tracking error of the last tenth of a second adds), ``state`` and ``diagnosis`` (the messages of
-``model/state`` and ``model/diagnosis``), ``answer`` (to an order).
+Lines have a key ``kind``: ``graph`` (which nodes run), ``sample`` (newest values, with sum of
+squares and number of the tracking errors since the last line), ``state`` and ``diagnosis`` (the
+messages of ``model/state`` and ``model/diagnosis``), ``answer`` (to an order).
 """
 
 from collections.abc import Callable
@@ -44,9 +44,9 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.processes import own_stdout
 
-#: s between two samples, looks at the orders, and looks at the graph.
+#: Periods of the samples, of reading orders, and of inspecting the graph, s.
 _PERIOD, _POLL, _LOOK = 0.1, 0.05, 1.0
-#: s that a service gets to answer.
+#: Time-out of a service, s.
 _PATIENCE = 5.0
 #: Services that an order may call, besides `enable`.
 CALLS = (interface.DIAGNOSE, interface.APPLY_MODEL, interface.RESTORE_MODEL)
@@ -54,7 +54,7 @@ _PRESSURE = re.compile(r'mu(\d+)/pressure')
 
 
 @dataclass
-class Patient:
+class PendingCall:
     """An order that waits for its answer until a steady time, s."""
 
     client: Client
@@ -70,7 +70,7 @@ class LiveFeed(BundleNode):
     Parameters
     ----------
     tell : callable
-        Gets each record.
+        Called with each record.
     **keywords
         Of `BundleNode`.
     """
@@ -83,8 +83,8 @@ class LiveFeed(BundleNode):
         self._setpoint: dict[int, float] = {}
         self._tracking = [0.0, 0]
         self._units: set[int] = set()
-        self._patient: dict[str, Patient] = {}
-        #: Orders that have come, None for the end; another thread puts them here.
+        self._pending: dict[str, PendingCall] = {}
+        #: Orders from the thread that reads standard input; None at its end.
         self.orders: SimpleQueue[dict[str, Any] | None] = SimpleQueue()
         self.subscribe(interface.FORCE, WrenchStamped, self._on_force)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
@@ -92,7 +92,7 @@ class LiveFeed(BundleNode):
             'force', interface.read_force(message)))
         self.subscribe(interface.REFERENCE_STRAIN, JointState, lambda message: self._refer(
             'strain', interface.read_strain(message, 1.0)[0]))
-        # while somebody asks for pressures there is nothing to track
+        # with pressure references there is no tracking error
         self.subscribe(interface.REFERENCE_PRESSURES, JointState, lambda message: self._refer(
             'pressure', math.nan))
         for topic, key in ((interface.MODEL_FORCE, 'model'), (interface.MODEL_RESIDUAL,
@@ -173,13 +173,13 @@ class LiveFeed(BundleNode):
     # --- orders --------------------------------------------------------------------------------
 
     def _take_orders(self) -> None:
-        for name, order in list(self._patient.items()):
+        for name, order in list(self._pending.items()):
             if not order.called and order.client.service_is_ready():
                 order.called = True
                 order.client.call_async(order.request).add_done_callback(
                     lambda future, name=name: self._done(name, future.result()))
             elif time.monotonic() > order.until:
-                del self._patient[name]
+                del self._pending[name]
                 self.destroy_client(order.client)
                 self._answer(name, False, f'{name} did not answer within {_PATIENCE:g} s')
         while True:
@@ -188,14 +188,14 @@ class LiveFeed(BundleNode):
             except Empty:
                 return
             if new is None:
-                # as Ctrl-C does: `run` knows how to end
+                # end as after Ctrl-C, which `run` handles
                 os.kill(os.getpid(), signal.SIGINT)
                 return
             self._obey(new)
 
     def _obey(self, order: dict[str, Any]) -> None:
         name = str(order.get('call') or order.get('set'))
-        if name in self._patient:
+        if name in self._pending:
             self._answer(name, False, f'{name} was called already and has not answered yet')
             return
         request: Any
@@ -208,13 +208,13 @@ class LiveFeed(BundleNode):
         elif name in CALLS:
             client, request = self.create_client(Trigger, name), Trigger.Request()
         else:
-            self._answer(name, False, f"'{name}' is no order; expected one of "
+            self._answer(name, False, f"'{name}' is not an order; expected one of "
                          f"{', '.join((interface.ENABLE, *CALLS))}")
             return
-        self._patient[name] = Patient(client, request, time.monotonic() + _PATIENCE)
+        self._pending[name] = PendingCall(client, request, time.monotonic() + _PATIENCE)
 
     def _done(self, name: str, result: Any) -> None:
-        entry = self._patient.pop(name, None)
+        entry = self._pending.pop(name, None)
         if entry is None:
             return
         self.destroy_client(entry.client)
@@ -229,14 +229,14 @@ class LiveFeed(BundleNode):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node; the exit status."""
+    """Run the node; return the exit status."""
     out = own_stdout()
 
     def tell(record: dict[str, Any]) -> None:
         try:
             out.write(json.dumps(plain(record)) + '\n')
         except BrokenPipeError:
-            pass  # nobody reads any more: standard input ends too
+            pass  # the reader has ended: standard input ends too
 
     def make(context: Context) -> list[BundleNode]:
         feed = LiveFeed(tell, context=context)

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A model beside a running rig: what it says, how far off it is, whether it still holds. No ROS.
+A model beside a running rig: its prediction, its error, whether it still holds. No ROS.
 
 `LiveModel` predicts sample by sample; `ModelWatch` keeps the error of the last minute, the memory
 of the last minutes, and the test of `fam_bundle_ros.discovery.holding` on the residual.
@@ -23,9 +23,9 @@ from fam_bundle_ros.discovery.locate import locate
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.model import Bundle
 
-#: Samples that the noise floor is taken from.
+#: Number of samples from which the noise floor is estimated.
 _NOISE_SAMPLES = 1000
-#: Cells of strain and of pressure in which a failure is located.
+#: Number of bins of strain and of pressure in which a failure is located.
 _BINS = 6
 
 
@@ -36,7 +36,7 @@ class LiveModel:
     Parameters
     ----------
     bundle : Bundle
-        Its sensor effects are taken off the readings and put on the force, as in a comparison.
+        Its sensor effects are removed from the readings and added to the force, as in `predict`.
     """
 
     def __init__(self, bundle: Bundle):
@@ -68,13 +68,13 @@ class ModelWatch:
     ----------
     bundle : Bundle
     window : float, s
-        Over which the error is taken.
+        Window of the rms error.
     seconds : float, s
-        How far the memory reaches back.
+        Length of the memory.
     false_alarms : float, 1/h
-        Most that a model which holds may cause.
+        Largest rate of false alarms, for a model that holds.
     tolerance : float, N, optional
-        Mean error at a state that is no failure; from the model by default.
+        Largest tolerated mean error at a state; from the model by default.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class ModelWatch:
     memory : Memory
     holding : Holding
     where : str
-        Where it fails, in words, once it was located.
+        Where the model fails, as text; empty until this is located.
     """
 
     def __init__(self, bundle: Bundle, window: float = 60.0, seconds: float = 300.0,
@@ -98,7 +98,7 @@ class ModelWatch:
         """
         Watch another model of the same rig.
 
-        The memory stays, but for what was before the rig ceased to be as the old model says.
+        The memory is kept; if the old model had failed, only the part since its failure.
         """
         if not self.holding.holds:
             self.memory.forget(self.holding.since)
@@ -109,7 +109,7 @@ class ModelWatch:
         tolerance = tolerance_of(bundle) if self._tolerance is None else self._tolerance
         self.holding = Holding(tolerance, self._scale, self._false_alarms, self._window)
         self.where = ''
-        #: Seconds of the window: when each began (s), sum of squares (N^2), samples.
+        #: For each second of the window: start (s), sum of squared residuals (N^2), samples.
         self._squares: deque[list[float]] = deque()
         self._residuals: deque[float] = deque(maxlen=_NOISE_SAMPLES)
 
@@ -124,7 +124,7 @@ class ModelWatch:
         strain : float
         pressure : sequence of float, Pa (gauge)
         force, residual : float, N
-            Measured, and measured minus modelled; where they are not finite nothing is learnt.
+            Measured, and measured minus modelled; a residual that is not finite is skipped.
         """
         self.memory.add(time, strain, pressure, force)
         if time < self._time:
@@ -157,7 +157,7 @@ class ModelWatch:
 
     @property
     def since(self) -> float:
-        """From when on the memory is of the rig as it is now, s."""
+        """Time from which on the memory describes the present rig, s."""
         return -math.inf if self.holding.holds else self.holding.since
 
     @property
@@ -199,7 +199,7 @@ def error_on(bundle: Bundle, data: Measurement) -> float:
     Raises
     ------
     InputError
-        Where data and model have other motor units.
+        When data and model differ in their motor units.
     """
     return rms(data.force - predict(bundle, data))
 
@@ -208,6 +208,6 @@ def noise_floor(residual: np.ndarray) -> float:
     """
     Return the noise of evenly sampled residuals, N, from second differences.
 
-    Slow errors of the model cancel in them; the median keeps switching moments out.
+    Slow errors of the model cancel in the differences; the median rejects moments of switching.
     """
     return spread(np.diff(residual, 2)) / math.sqrt(6.0)

@@ -4,8 +4,8 @@
 How pressure loops report their state to the recruitment controller.
 
 Every pressure loop publishes ``mu<i>/pid_state`` on every change and 20 times a second:
-one word of `State`, and where there is more to say a cause and a reason, ``LATCHED OVER_PRESSURE:
-mu1 at 410 kPa, above 396 kPa``.
+one word of `State`, followed by cause and reason if there are any: ``LATCHED OVER_PRESSURE: mu1 at
+410 kPa, above 396 kPa``.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from fam_bundle_ros.control.safety import Change, LostTime, State
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 
-#: s between two messages that say the same.
+#: Period of the messages while the state does not change, s.
 PERIOD = 0.05
 #: States of a pressure loop in which its motor unit is vented because something is wrong.
 TROUBLE = ('SENSOR', 'NO_SETPOINT')
@@ -26,7 +26,7 @@ TROUBLE = ('SENSOR', 'NO_SETPOINT')
 
 def state_text(change: Change) -> str:
     """
-    Return a state as it goes out.
+    Return the text of a state, as published.
 
     Examples
     --------
@@ -53,7 +53,7 @@ class LoopState:
         self._send = lambda text: publish(String(data=text))
         self._text = ''
         if not node.lock_step:
-            # From the executor of the control loop: a loop that hangs is silent.
+            # In the executor of the control loop, so that a loop that hangs is silent.
             node.every(PERIOD, lambda: self._send(self._text))
 
     def say(self, change: Change) -> None:
@@ -71,7 +71,7 @@ class PressureLoops:
     node : BundleNode
     units : int
     on_latched : callable
-        Gets cause and reason when a loop latches that was not latched before.
+        Called with cause and reason when a loop latches.
     """
 
     def __init__(self, node: BundleNode, units: int, on_latched: Callable[[str, str], None]):
@@ -79,7 +79,7 @@ class PressureLoops:
         self._lock_step = node.lock_step
         self._states = [('', '', '')] * units
         self._heard: list[float | None] = [None] * units
-        #: How long each loop has vented for a reason of its own.
+        #: Time for which each loop has vented because of its own sensor or setpoint.
         self.trouble = [LostTime() for _ in range(units)]
         for unit in range(units):
             node.subscribe(interface.pid_state_topic(unit + 1), String, partial(self._take, unit),
@@ -99,20 +99,20 @@ class PressureLoops:
         return f'{cause}: {reason}' if state == State.LATCHED.value else ''
 
     def silent(self, patience: float) -> list[int]:
-        """Return the motor units (from 0) whose loops said nothing for so long, s."""
+        """Return the motor units (from 0) whose loops were silent for ``patience`` (s)."""
         if self._lock_step:
-            # In lock-step nothing moves without them, and a unit that is lost is vented.
+            # In lock-step time stands still without the loops, and a lost unit is vented.
             return []
         now = time.monotonic()
         return [unit for unit, heard in enumerate(self._heard)
                 if heard is None or now - heard > patience]
 
     def excuse(self, seconds: float) -> None:
-        """Count no silence for a time in which this process itself heard nothing, s."""
+        """Exclude a time (s) in which this process itself stood still from the silence."""
         self._heard = [None if heard is None else heard + seconds for heard in self._heard]
 
     def troubled(self, patience: float) -> str:
-        """Return which loop has been venting by itself for so long (s) in all, and why."""
+        """Return which loop has vented by itself for ``patience`` (s) in total, and why."""
         now = time.monotonic()
         for unit, (state, cause, reason) in enumerate(self._states):
             lost = state == State.VENT.value and cause in TROUBLE

@@ -3,9 +3,9 @@
 """
 Drives an experiment over ROS and records it: what ``fam_bundle measure`` does.
 
-On a simulated rig that it starts itself, in lock-step and so as fast as the machine can, or on a
-bundle that runs already. Pressures go to the recruitment controller (``reference/pressures``) and
-pass its limits, watches and latches; strain goes to the dynamometer (``reference/dynamometer``).
+On a simulated rig that it starts itself, in lock-step and so as fast as the machine computes, or
+on a running bundle. Pressures go to the recruitment controller (``reference/pressures``), whose
+limits, watches and latches apply; strain goes to the dynamometer (``reference/dynamometer``).
 """
 
 from collections.abc import Callable, Sequence
@@ -41,22 +41,22 @@ from fam_bundle_ros.nodes.rig_parameters import pressure_parameters
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.resources import config_names
 
-#: s that a rig and its controller get to be heard, a service to answer, a reason to come.
+#: Time-outs of the first sample, of a service, and of the reason for a stop, s.
 _PATIENCE, _ANSWER, _REASON = 10.0, 5.0, 2.5
-#: s without another reference after which nobody else sends one.
+#: Time without another node's reference after which no other node sends one, s.
 _QUIET = 0.5
-#: s without a sample after which the rig is silent.
+#: Time without a sample after which the rig counts as silent, s.
 _SILENT = 2.0
-#: s between two looks at how far it is.
+#: Period of the progress reports, s.
 _SLICE = 0.2
-#: What a simulated rig is told: it runs at once, and answers as fast as it can.
+#: Parameters of a simulated rig: it runs at once and as fast as possible.
 _SIMULATED = {'lock_step': True, 'wait_for_reference': True, 'publish_clock': True,
               'start_enabled': True, 'start_stopped': False, 'generate': False, 'monitor': False}
 
 
 class Measuring(BundleNode):
     """
-    Asks for what a `ProtocolRun` wants, sample by sample.
+    Sends the references of a `ProtocolRun`, sample by sample.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ class Measuring(BundleNode):
         For the number of motor units and the rest length.
     run : ProtocolRun
     clock : float, s
-        What time it is in the experiment at the first sample.
+        Time in the experiment at the first sample.
     **keywords
         Of `BundleNode`.
 
     Attributes
     ----------
     reason : str
-        Why the recruitment controller is off, as it says itself; empty where it is not.
+        Why the recruitment controller is off, from its diagnostics; empty while it is not.
     stopped : str
         Why the experiment cannot go on; empty while it can.
     heard : float
@@ -88,9 +88,9 @@ class Measuring(BundleNode):
         self._asked: Asked | None = None
         self.reason = self.stopped = ''
         self.heard = 0.0
-        #: Which other reference was heard last, and at what steady time, s.
+        #: Topic and steady time (s) of the last reference from another node.
         self.other = '', -math.inf
-        #: Until then the rig is only asked to stay as it is.
+        #: Until then the references are zero pressure.
         self.started = False
         self._ask_pressures = self.sender(interface.REFERENCE_PRESSURES, JointState,
                                           interface.reference_pressures_writer(bundle.n))
@@ -121,7 +121,7 @@ class Measuring(BundleNode):
         self.heard = time.monotonic()
         if self._first is None:
             self._first = sample.stamp
-        # In lock-step a sample that was not answered comes twice.
+        # In lock-step a sample that was not answered is sent again.
         if sample.stamp > self._last and not self.stopped and self.started:
             seen = Seen(self._zero + (sample.stamp - self._first) * 1e-9, sample.force,
                         sample.strain, tuple(sample.pressure), tuple(self._setpoint))
@@ -136,7 +136,7 @@ class Measuring(BundleNode):
         asked = self._asked
         vented = [0.0] * len(self._setpoint)
         if asked is not None and asked.strain is not None and not self.stopped:
-            # First: in lock-step the rig moves on once the pressures are answered.
+            # Strain first: in lock-step the rig makes its step once the pressures are answered.
             self._ask_strain(stamp, asked.strain, asked.rate)
         self._ask_pressures(stamp, vented if self.stopped or asked is None else asked.pressure)
 
@@ -161,7 +161,7 @@ class Measuring(BundleNode):
             self.stopped = why
 
     def stop(self) -> None:
-        """Ask for no pressure."""
+        """Set the pressure references to zero."""
         self._ask_pressures(max(self._last, 0), [0.0] * len(self._setpoint))
 
 
@@ -182,16 +182,16 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
     out : path
         New CSV: time, trial (the number of the segment), strain, pressures, force.
     model : Bundle
-        What the controller believes: limits of the pressures, rest length.
+        The controller's model: pressure limits and rest length.
     plant_model : Bundle, optional
-        What the simulated rig is made of; ``model`` by default.
+        Model of the simulated rig; ``model`` by default.
     rig : bool
         Use a bundle that runs already (a rig and its controller) instead of a simulated one.
     resume : bool
-        Go on with an experiment that did not end: segments that are complete are kept.
+        Continue an unfinished experiment; complete segments are kept.
     namespace : str
     domain : int, optional
-        ROS domain; that of the environment by default, where nobody hears a simulated rig.
+        ROS domain; that of the environment by default, in which a simulated rig stays invisible.
     rate : float, Hz
         Samples of the simulated rig.
     seed : int
@@ -199,7 +199,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
     overrides : dict, optional
         Parameters of the simulated rig's nodes, say ``{'faults.leak': 'mu1=2.0'}``.
     progress : callable, optional
-        Gets the share that is done, and what is being done and how long it takes still.
+        Called with the share that is done, and a text with the present step and the time left.
 
     Returns
     -------
@@ -209,7 +209,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
     Raises
     ------
     InputError
-        Where protocol and bundle do not fit, or nobody is there.
+        When protocol and bundle do not match, or no rig or controller is found.
     Stopped
         When the experiment had to end: everything is vented, complete segments are kept.
     KeyboardInterrupt
@@ -222,7 +222,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
     if todo:
         run = ProtocolRun(protocol, todo, store.keep)
         with ExitStack() as ending:
-            # From before the first node: a KeyboardInterrupt in a callback would be lost.
+            # Before the first node, as a KeyboardInterrupt in a callback would be lost.
             signals = ending.enter_context(StopSignals())
             context = begin('warn', domain, alone=domain is None and not rig)
             ending.callback(context.try_shutdown)
@@ -240,7 +240,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
                 nodes = make_nodes(context, namespace, overrides=values)
                 measuring = Measuring(model, run, store.clock(), **node, overrides={
                     'lock_step': True, 'rate': rate})
-            # A listener first: in lock-step nothing is repeated that way.
+            # The subscriber first, so that in lock-step no sample is repeated.
             spinner = ending.enter_context(closing(Spinner(context, [measuring, *nodes])))
             _drive(spinner, measuring, run, lambda: signals.received, rig, protocol,
                    progress)
@@ -249,7 +249,7 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
 
 
 def fits(protocol: Protocol, model: Bundle) -> None:
-    """Refuse a protocol that a bundle cannot be driven by; InputError says why."""
+    """Check that a bundle can run a protocol; InputError says why not."""
     if protocol.motor_units != model.n:
         shipped = [name.removesuffix('.yaml') for name in config_names('protocols')]
         fitting = [name for name in shipped if read_protocol(name).motor_units == model.n]
@@ -283,7 +283,7 @@ def _load(protocol: Protocol) -> dict[str, Any]:
 
 def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[[], bool],
            rig: bool, protocol: Protocol, progress: Callable[[float, str], None] | None) -> None:
-    """Spin until the experiment is over; leave the bundle vented whatever happens."""
+    """Spin until the experiment is over; vent the bundle in any case."""
     total, until = run.left, partial(spinner.until, ended=ended)
     if rig:
         _meet(node, until, protocol)
@@ -297,7 +297,7 @@ def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[
             if progress:
                 share = 1.0 - run.left / total
                 took = time.monotonic() - begun
-                # The rig's own time, or what a simulated one has taken so far.
+                # A rig runs in real time; for a simulation, extrapolate the time so far.
                 left = run.left if rig or share <= 0.0 else took * (1.0 - share) / share
                 progress(share, f'{run.words}; {minutes(left)} left')
         if node.stopped:
@@ -314,7 +314,7 @@ def _drive(spinner: Spinner, node: Measuring, run: ProtocolRun, ended: Callable[
 
 def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
           protocol: Protocol) -> None:
-    """Wait until rig and controller are heard."""
+    """Wait until rig and controller are found."""
     pressures, strain = (node.resolve_topic_name(name) for name in (
         interface.REFERENCE_PRESSURES, interface.REFERENCE_DYNAMOMETER))
     missing: Sequence[tuple[str, Callable[[], bool]]] = (
@@ -327,7 +327,7 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
         if not until(there, _PATIENCE):
             raise InputError(f'{what} under {node.get_namespace()}; is the rig running, in this '
                              'ROS domain?')
-    # A generator that gives way does so at the first pressures that it hears.
+    # A generator with give_way stops at the first pressure reference that it receives.
     met = time.monotonic()
     # Another publisher may not be discovered yet.
     if not until(lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):

@@ -1,14 +1,14 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Node model_monitor: what the model says the load cell should show, and whether it still holds.
+Node model_monitor: predicts the reading of the load cell and tests if the model still holds.
 
 Publishes ``model/force`` and ``model/residual`` (measured minus model) for every sample. Keeps a
-thinned memory of the last minutes and tests whether the residual is more than the model's own
-error and the noise; the answer goes to ``model/state`` (latched JSON) and /diagnostics. Service
-``diagnose`` asks on that memory which effect is missing: ``model/diagnosis`` (latched JSON), and a
-file with the model that it recommends beside it. ``apply_model`` of recruitment_controller brings
-it into use, here as there.
+thinned memory of the last minutes and tests whether the residual exceeds the model's own error and
+the noise; the result goes to ``model/state`` (latched JSON) and /diagnostics. Service ``diagnose``
+finds on that memory which effect is missing: ``model/diagnosis`` (latched JSON), and a file with
+the recommended model. ``apply_model`` of recruitment_controller activates this model, in both
+nodes.
 """
 
 from collections.abc import Mapping
@@ -33,19 +33,19 @@ from fam_bundle_ros.nodes.sensing import Sample, Sensing
 
 SPECS = (
     *MODEL, *LISTENER, *sensing.SPECS,
-    Spec('window', 60.0, 'time over which the error is taken, and without alarm to hold again, s',
-         0.5, 600.0),
-    Spec('memory', 300.0, 'how far the memory reaches back, s', 10.0, 3600.0),
-    Spec('false_alarms', 0.1, 'alarms per hour that a model which holds may cause at most', 1e-4,
+    Spec('window', 60.0, 'window of the rms error, and time without alarm after which the model '
+         'holds again, s', 0.5, 600.0),
+    Spec('memory', 300.0, 'length of the memory, s', 10.0, 3600.0),
+    Spec('false_alarms', 0.1, 'largest rate of false alarms for a model that holds, 1/h', 1e-4,
          60.0),
-    Spec('tolerance', -1.0, 'mean error at a state that is no failure, N; -1: twice the error of '
+    Spec('tolerance', -1.0, 'largest tolerated mean error at a state, N; -1: twice the error of '
          'the model file, at least 1 % of the largest force', -1.0, 1e4),
-    Spec('diagnosis_folder', 'fam_bundle_diagnoses', 'where diagnoses and the models that they '
-         'recommend are written'),
-    Spec('diagnosis_effects', 5, 'effects that a diagnosis may add, replace or remove at most', 1,
-         5),
+    Spec('diagnosis_folder', 'fam_bundle_diagnoses', 'folder for diagnoses and recommended '
+         'models'),
+    Spec('diagnosis_effects', 5, 'largest number of effects that a diagnosis adds, replaces or '
+         'removes', 1, 5),
 )
-#: s between two messages on the state.
+#: Period of the messages on the state, s.
 _PERIOD = 0.5
 
 
@@ -101,7 +101,7 @@ class ModelMonitor(BundleNode):
         self._held = self.watch.holding.holds
 
     def stop(self) -> None:
-        """End the diagnosis that is at work."""
+        """End a running diagnosis."""
         self._diagnosing.stop()
 
     # --- model ---------------------------------------------------------------------------------

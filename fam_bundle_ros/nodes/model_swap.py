@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Another model for the recruitment controller while it runs: services apply_model, restore_model.
+Change the model of the recruitment controller while it runs: apply_model, restore_model.
 
-What a diagnosis recommends is named by ``model/state`` of the model monitor, with the reason where
-it predicts the memory no better. It is read, checked and compiled in a thread at once, so that the
-change itself takes no longer than a tick; ``model/applied`` says which file is in use since then.
+``model/state`` of the model monitor names the model that a diagnosis recommends, with a refusal if
+it does not predict the memory better. That model is read, checked and compiled in a thread at
+once, so that the change itself takes less than a tick; ``model/applied`` names the file in use.
 """
 
 from collections.abc import Callable
@@ -25,13 +25,13 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.models import bundle_from
 
-#: s over which the pressures of the old model fade into those of the new one.
+#: Duration of the cross-fade from the old model's setpoints to the new one's, s.
 _FADE = 0.3
 
 
 @dataclass
 class Prepared:
-    """A model that is ready to be used, or the reason why not; both empty while it is made."""
+    """A model that is ready, or the reason why it is not; both empty during preparation."""
 
     bundle: Bundle | None = None
     refusal: str = ''
@@ -46,19 +46,19 @@ class ModelSwap:
     node : BundleNode
         With the parameter ``model``.
     present : callable
-        Returns the bundle of now.
+        Returns the present bundle.
     config : callable
-        Returns the controller's settings of now.
+        Returns the present settings of the controller.
     """
 
     def __init__(self, node: Any, present: Callable[[], Bundle],
                  config: Callable[[], ControllerConfig]):
         self._node, self._present, self._config = node, present, config
         self._prepared: dict[str, Prepared] = {}
-        #: Files that were in use before, the last one last.
+        #: Files that were in use before, the most recent one last.
         self._before: list[str] = []
         self._candidate = self._refusal = ''
-        #: Setpoints at the change (Pa), what they were above the new model's, and s to go.
+        #: Setpoints at the change (Pa), their offset from the new model's (Pa), time left (s).
         self._last: list[float] = []
         self._offset: list[float] | None = None
         self._left = 0.0
@@ -74,7 +74,7 @@ class ModelSwap:
         return prepared.bundle if prepared else None
 
     def faded(self, setpoints: list[float], dt: float) -> list[float]:
-        """Return setpoints (Pa) that go on from those before a change of the model."""
+        """Return setpoints (Pa) without a jump at a change of the model."""
         if self._left <= 0.0:
             return setpoints
         if self._offset is None:
@@ -86,9 +86,9 @@ class ModelSwap:
 
     def go_on(self, controller: RecruitmentController) -> None:
         """
-        Give a controller that was just enabled the present strain rate.
+        Hand the state of the strain-rate estimator to a controller that was just enabled.
 
-        A controller that was off begins from the pressures as they are, without a fade.
+        A controller that was off starts from the measured pressures, without a cross-fade.
         """
         if self._node.command is None:
             self._left, self._rate = 0.0, None
@@ -102,7 +102,7 @@ class ModelSwap:
             candidate = json.loads(message.data).get('candidate') or {}
             file, refusal = str(candidate.get('file', '')), str(candidate.get('refusal', ''))
         except (ValueError, AttributeError) as error:
-            raise InputError(f'{message.data[:40]!r} is not what a model monitor says'
+            raise InputError(f'{message.data[:40]!r} is not a message of a model monitor'
                              ) from error
         self._candidate, self._refusal = file, refusal
         if file and file not in self._prepared:
@@ -110,7 +110,7 @@ class ModelSwap:
             Thread(target=self._prepare, args=(file, self._config()), daemon=True).start()
 
     def _prepare(self, file: str, config: ControllerConfig) -> None:
-        """Read a file and run it once, in a thread: what has to be compiled is compiled then."""
+        """Read a file and run the controller on it once, in a thread, to compile the model."""
         try:
             bundle = bundle_from(file)
             controller = RecruitmentController(bundle, config)
@@ -133,7 +133,7 @@ class ModelSwap:
         elif file == self._node.p['model']:
             why = f'{file} is in use already'
         elif prepared.bundle is None:
-            why = prepared.refusal or f'{file} is being made ready: ask again in a second'
+            why = prepared.refusal or f'{file} is being prepared: try again in a second'
         else:
             why = self._refusal
         if why:
@@ -160,11 +160,11 @@ class ModelSwap:
             raise self._refused(result.reason)
         self._left, self._rate = _FADE, rate
         self._publisher.publish(String(data=file))
-        said = f'{self._present().name} in use since now, {before} before ({file})'
+        said = f'{self._present().name} is in use now instead of {before} ({file})'
         self._node.get_logger().info(said)
         return said
 
     def _refused(self, why: str) -> InputError:
-        """Log why the model stays; return the error that says so."""
+        """Log why the model is not changed; return the error with this reason."""
         self._node.get_logger().warning(f'model not changed: {why}')
         return InputError(why)

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and writes model files as parameters of nodes name them."""
+"""Reads and writes the model files that parameters of nodes name."""
 
 from pathlib import Path
 

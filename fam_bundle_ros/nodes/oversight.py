@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Watches of the recruitment controller: readings, pressure loops, its own process; latches."""
+"""Supervision by the recruitment controller: readings, pressure loops, own process; latches."""
 
 from collections.abc import Callable
 import math
@@ -34,17 +34,17 @@ from fam_bundle_ros.nodes.loops import PressureLoops
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.supply_enable import TIMEOUT
 
-#: Pa: pressures that have moved by this since a force or strain last changed must move it.
+#: Change of a pressure that must change the readings of force and strain, Pa.
 _MOVED = 30e3
-#: Share of the largest pressure below which one that was latched may be enabled again: readings
-#: that drifted are not held against it.
+#: Share of the largest pressure below which a latched unit may be enabled again: tolerates drift
+#: of the sensor.
 _EMPTY = 0.1
-#: s after which nothing is left in a chamber that is open to ambient: many times what a valve
-#: needs that fills within a second.
+#: Time after which a chamber that is open to ambient is empty, s: many times the time constant of
+#: a valve that fills within a second.
 _EXHAUSTED = 2.0
-#: s that pressure loops get to hear of `enable`.
+#: Time within which pressure loops receive `enable`, s.
 _HEAR = 0.5
-#: Share of the blocked force by which model and load cell may be off.
+#: Tolerated error of model and load cell together, as a share of the blocked force.
 _FORCE_ERROR = 0.05
 
 
@@ -58,11 +58,11 @@ class Oversight:
         The recruitment controller, with its parameters.
     bundle : Bundle
     clock : callable
-        Returns the time that watches run on, s.
+        Returns the time of the watches, s.
     on_latch : callable
-        Called after something latched.
+        Called after a latch.
     on_e_stop : callable
-        Called when the emergency stop goes on.
+        Called when the emergency stop is activated.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Oversight:
     loops : PressureLoops
     e_stop : EmergencyStop
     pressure : list of float, Pa
-        The last that was read.
+        The last readings.
     """
 
     def __init__(self, node: BundleNode, bundle: Bundle, clock: Callable[[], float],
@@ -83,7 +83,7 @@ class Oversight:
         self.guard = Guard()
         self.watches = self._make_watches()
         self.pressure = [math.nan] * bundle.n
-        #: N and 1, nan where they cannot be trusted.
+        #: Last force (N) and strain, nan where they cannot be trusted.
         self._force = self._strain = math.nan
         self.believe(bundle)
         self._moved_from: dict[str, tuple[float, list[float]]] = {}
@@ -110,11 +110,11 @@ class Oversight:
               for i in range(self._n))]
 
     def believe(self, bundle: Bundle) -> None:
-        """Hold the force against this model from now on."""
+        """Compare the force with this model from now on."""
         model = bundle.model(False)
 
         def unit_force(unit: int, strain: float, pressure: float) -> float:
-            # A fresh memory: friction and the like are within the tolerance.
+            # With the initial memory state: friction and hysteresis are within the tolerance.
             return float(model.force(unit, strain, 0.0, [pressure] * bundle.n, 0.0, 0.0, True,
                                      model.shape, model.parameters, model.tables, model.memory,
                                      model.after))
@@ -169,7 +169,7 @@ class Oversight:
     # --- what latches --------------------------------------------------------------------------
 
     def latch(self, cause: str, reason: str) -> None:
-        """Vent all until somebody enables again."""
+        """Vent all motor units until the bundle is enabled again."""
         if self.guard.latch(self._clock(), cause, reason):
             self._on_latch()
             self._node.get_logger().error(f'{cause}: {reason}; off until enabled again')
@@ -216,7 +216,7 @@ class Oversight:
             self.latch(LOST, f'nobody publishes e_stop any more, for {patience:g} s')
 
     def _look_for_stop(self) -> None:
-        """Notice an emergency stop that nobody could press any more."""
+        """Detect that the emergency stop has lost its publisher."""
         heard = self._node.publisher_count(interface.E_STOP) > 0
         if self._stop_heard and not heard and self.guard.now.state is State.ACTIVE:
             self._node.get_logger().warning(
@@ -225,19 +225,19 @@ class Oversight:
         self._stop_heard = heard
 
     def notice_stop(self) -> None:
-        """Hold no silence against the pressure loops for which this process stood still."""
+        """Exclude the time in which this process stood still from the pressure loops' silence."""
         before, self._alive = self._alive, time.monotonic()
         still = self._alive - before
         if still > loops.PERIOD:
             self.loops.excuse(still)
 
     def stood_still(self, seconds: float) -> None:
-        """Latch: `supply_enable` was not said for so long that the driver has cut the air."""
+        """Latch: `supply_enable` was late by ``seconds``, so that the driver has cut the air."""
         self.latch(STOPPED, f'this process stood still: nothing on supply_enable for '
                    f'{seconds:.2f} s')
 
     def contradicted(self) -> None:
-        """Latch: another node says on `supply_enable` that the supply must be shut."""
+        """Latch: another node publishes false on `supply_enable`."""
         self.latch(OTHER, 'another node says false on supply_enable while this one says true: a '
                    'second recruitment controller?')
 
@@ -247,7 +247,7 @@ class Oversight:
         """
         Return why the bundle cannot be enabled now; empty when it can.
 
-        ``exhausted`` is for how long the supply has been shut and every valve open to ambient, s.
+        ``exhausted`` is the time since the supply was shut and all valves exhaust, s.
         """
         node, reasons = self._node, []
         if self.e_stop.on:
@@ -267,7 +267,7 @@ class Oversight:
                 reasons.append(f'mu{unit + 1} is at {kilopascals(pressure)}, above '
                                f'{kilopascals(limit)}')
             elif exhausted > _EXHAUSTED and pressure > limit - self._limit[unit]:
-                # A sensor that is off by so much hides a pressure above the trip.
+                # A sensor with so large an offset could hide a pressure above the trip.
                 hint = ('is it absolute? Then pressure_is_gauge is wrong'
                         if node.p['pressure_is_gauge'] else 'sensor, unit or exhaust?')
                 reasons.append(f'mu{unit + 1} shows {kilopascals(pressure)} after '
@@ -278,7 +278,7 @@ class Oversight:
         return '; '.join(reasons or self._felt())
 
     def _felt(self) -> list[str]:
-        """Return why the force contradicts pressures that look harmless."""
+        """Return why the force contradicts pressures below the trip."""
         limits = [self._trip(unit) for unit in range(self._n)]
         if not math.isfinite(self._force + self._strain + sum(self.pressure)):
             return []
@@ -289,10 +289,10 @@ class Oversight:
                 f'{self._force:.3g} N says that it is above {kilopascals(limits[unit])}']
 
     def release(self) -> None:
-        """Begin anew: somebody has enabled."""
+        """Reset the watches after `enable`."""
         self._enabled_at = self._clock()
         self.guard.release(self._enabled_at)
-        # Sensors that are still out get the time anew, and a repeat may have been true.
+        # Sensors that are still lost get the full time again; a repeated value may be correct.
         for lost in (self._lost_readings, self._lost_stop, *self.loops.trouble):
             lost.reset()
         self._moved_from.clear()
@@ -302,7 +302,7 @@ class Oversight:
 
     @property
     def _patience(self) -> float:
-        """Silence of a pressure loop that is taken, s."""
+        """Tolerated silence of a pressure loop, s."""
         return max(2.0 * float(self._node.p['sensor_timeout']), TIMEOUT)
 
     def _trip(self, unit: int) -> float:

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-ROS parameters from a table: descriptors, ranges, one clear line for a bad override.
+ROS parameters from a table: descriptors, ranges, a one-line error for a bad override.
 
-A node lists what it has as `Spec`s. `declare` gives them to ROS and returns the values;
-`Parameters.on_change` validates changes as a set before any of them is taken.
+A node lists its parameters as `Spec`s. `Parameters` declares them to ROS and holds their values;
+`Parameters.on_change` validates changes as a set before any of them is applied.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,7 +46,7 @@ class Spec:
     dynamic : bool
         Whether it may change while the node runs.
     guards : bool
-        It limits what may go wrong: while the node acts it may become smaller only.
+        Whether it is a safety limit: while the node acts it may only be lowered.
     zero_is_off : bool
         0 switches such a limit off, and counts as the largest value.
     """
@@ -83,7 +83,7 @@ class Spec:
             result.additional_constraints = self.expected
         if isinstance(self.default, bool) or isinstance(self.default, str):
             return result
-        # A step other than 0 makes rclpy refuse what lies between; infinities have no slider.
+        # With a step other than 0, rclpy refuses the values between the steps.
         if isinstance(self.default, int):
             result.integer_range = [IntegerRange(from_value=int(self.low),
                                                  to_value=int(self.high), step=0)]
@@ -93,13 +93,13 @@ class Spec:
         return result
 
     def check(self, value: Any) -> None:
-        """Refuse a text that is not among the choices; ROS itself has checked the rest."""
+        """Check that a text is one of the choices; ROS itself has checked type and range."""
         if self.choices and value not in self.choices:
             raise InputError(f'parameter {self.name} is {value!r}; expected {self.expected}')
 
 
     def loosens(self, before: Any, after: Any) -> bool:
-        """Return whether a change of a limit lets more happen than before."""
+        """Return whether a change loosens a safety limit."""
         if not self.guards:
             return False
         old, new = (math.inf if self.zero_is_off and value == 0 else value
@@ -129,7 +129,7 @@ class Parameters(dict[str, Any]):
             try:
                 value = node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
             except ParameterException:
-                # The exceptions of rclpy name neither the node nor what would be right.
+                # The exceptions of rclpy name neither the node nor the expected value.
                 given = node._parameter_overrides[spec.name].value
                 raise InputError(f'{node.get_name()}: parameter {spec.name} is {given!r}; '
                                  f'expected {spec.expected}') from None
@@ -141,7 +141,7 @@ class Parameters(dict[str, Any]):
                   apply: Callable[[dict[str, Any]], None],
                   acting: Callable[[], bool] = lambda: False) -> None:
         """
-        Take changes while the node runs.
+        Validate and apply changes while the node runs.
 
         Parameters
         ----------

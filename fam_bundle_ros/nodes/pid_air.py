@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The air of a motor unit as its pressure loop sees it: volume, supply, plausible pressures."""
+"""Gas volume, supply and plausible pressures of a motor unit, for its pressure loop."""
 
 import math
 from typing import Any
@@ -13,20 +13,20 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
 from fam_bundle_ros.nodes.pid_readings import Latest, Volume
 
-#: s from command to flow besides the dead time.
+#: Lag from command to flow in addition to the dead time, s.
 _SPOOL_LAG = 2e-3
-#: Samples that a driver may need to read a command and show its effect, where nothing is told.
+#: Default delay of a driver from a command to the reading of its effect, in samples.
 SAMPLES = 3.0
-#: Standard deviations of pressure noise in ``quiet_error`` are three: what noise twice as large
-#: does to the difference of two readings stays below this many of it.
+#: Bound of the noise of a pressure difference, in units of ``quiet_error`` (three standard
+#: deviations of the noise): holds for noise twice as large.
 _NOISE = 4.0
-#: s that a supply gets to come up after `supply_enable`; what it gets where it is not measured.
+#: Time for the supply to rise after `supply_enable`: with and without a supply sensor, s.
 _SUPPLY_START, _SUPPLY_UNSEEN = 1.0, 0.3
 
 
 class Air:
     """
-    Readings of strain and supply, and what they say of pressure and valve.
+    Keeps strain and supply, and checks pressure and supply for plausibility.
 
     Parameters
     ----------
@@ -53,13 +53,13 @@ class Air:
         self._begun = -math.inf
 
     def begin(self, now: float) -> None:
-        """Start anew at a time, s: the supply opens."""
+        """Restart the checks at the time (s) when the supply opens."""
         self.inflow.begin()
         self._supply_watch.begin()
         self._begun = now
 
     def change(self, config: PidConfig) -> None:
-        """Go on with other settings."""
+        """Change the settings."""
         self.inflow.change(self._inflow_config(config))
 
     def _inflow_config(self, config: PidConfig) -> InflowConfig:
@@ -87,9 +87,9 @@ class Air:
 
     def impossible(self, time: float, pressure: float, gap: float) -> tuple[str, str]:
         """
-        Return cause and reason where a pressure (Pa) cannot be; see `InflowWatch.see`.
+        Return cause and reason if a pressure (Pa) is implausible; see `InflowWatch.see`.
 
-        ``time`` is its stamp, ``gap`` what lay between its arrival and that of the one before, s.
+        ``time`` is its stamp, ``gap`` the time between its arrival and the previous one, s.
         """
         volume, _ = self._volumes.at(self.strain.value(self._patience)[0])
         return self.inflow.see(time, pressure, self._volumes.ends if volume is None else volume,
@@ -97,9 +97,9 @@ class Air:
 
     def supply_agrees(self, now: float) -> tuple[bool, str, str]:
         """
-        Return whether the supply is there, and cause and reason where it is not.
+        Return whether the supply has its pressure, and cause and reason if it has not.
 
-        The cause is empty while its start may take so long.
+        The cause is empty while the supply may still be rising.
         """
         watch, since = self._supply_watch, now - self._begun
         supply = self.supply.value(self._patience)[0]
@@ -109,7 +109,7 @@ class Air:
         return agrees, SUPPLY if watch.lasts else '', watch.text
 
     def report(self, report: Report) -> float:
-        """Say what is measured; return the supply that counts, Pa."""
+        """Report what is measured; return the supply pressure in use, Pa."""
         p = self._node.p
         supply, volume, _ = self.now()
         report.value('supply, Pa', 'not measured' if supply is None else supply)

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings that a pressure loop keeps: last values, how long an error lasts, the gas volume."""
+"""State of a pressure loop besides the PID: last values, duration of an error, gas volume."""
 
 import math
 import time
@@ -28,19 +28,19 @@ class Latest:
         return self._value if fresh else (math.nan, math.nan)
 
     def lost(self, patience: float) -> bool:
-        """Whether it was there once and is no more."""
+        """Whether the reading was available and is now older than ``patience`` (s)."""
         return self._seen and not math.isfinite(self.value(patience)[0])
 
 
 class Stretch:
-    """Time for which a value has been far to one side."""
+    """Time for which a value has been beyond a bound on one side."""
 
     def __init__(self) -> None:
         self.lasted = 0.0
         self._side, self._since = 0, 0.0
 
     def see(self, now: float, value: float, far: float) -> None:
-        """Take a value; beyond ``far`` to either side it is far."""
+        """Take a value at a time (s); the bounds are -``far`` and ``far``."""
         side = (value > far) - (value < -far)
         if side != self._side or now < self._since:
             self._side, self._since = side, now
@@ -49,12 +49,12 @@ class Stretch:
 
 class LongestGap:
     """
-    The longest gap between readings that came lately.
+    The longest gap between recent readings.
 
     Parameters
     ----------
     window : float, s
-        Gaps count for so long, and for twice as long at most.
+        Gaps count for this time at least and for twice this time at most.
 
     Examples
     --------
@@ -77,14 +77,14 @@ class LongestGap:
 
 
 class Volume:
-    """Gas volume and its slope over strain, tabulated: the model itself is too slow per tick."""
+    """Table of gas volume and slope over strain, as the model is too slow for every tick."""
 
     def __init__(self, bundle: Any, index: int, tube: float):
         self._grid = np.linspace(-0.15, 0.5, 651)
         volume = np.maximum(bundle.gas_volume(self._grid)[:, index], 0.0) + max(tube, 1e-7)
         self._volume = volume.tolist()
         self._slope = np.gradient(volume, self._grid).tolist()
-        #: Least and largest volume that the muscle can have at work, m^3.
+        #: Smallest and largest volume in operation (strain 0 to 0.3), m^3.
         self.ends = min(self._volume[150:451]), max(self._volume[150:451])
 
     def at(self, strain: float) -> tuple[float | None, float]:

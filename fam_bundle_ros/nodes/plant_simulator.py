@@ -3,10 +3,10 @@
 """
 Node plant_simulator: a simulated rig with the topics, units and services of a real one.
 
-In wall time it steps at its rate with the latest valve commands and vents the motor units whose
-commands stay away. In lock-step it publishes a sample and ``/clock``, and steps when a valve
-command with that sample's stamp has come for every motor unit. Its supply is open only while
-``supply_enable`` says so; a load that is a dynamometer goes where ``reference/dynamometer`` says.
+In wall time it steps at its rate with the latest valve commands and vents motor units without
+fresh commands. In lock-step it publishes a sample and ``/clock``, and steps when a valve command
+with that sample's stamp has arrived for every motor unit. Its supply is open only while
+``supply_enable`` is true; a dynamometer as load follows ``reference/dynamometer``.
 """
 
 from functools import partial
@@ -37,40 +37,40 @@ from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 
 SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
-    Spec('plant_model', '', 'model file of the rig where it is not `model`: a hidden effect'),
+    Spec('plant_model', '', 'model file of the rig if other than `model`, for a hidden effect'),
     HIDDEN,
     Spec('rate', 200.0, 'samples per second', 10.0, 2000.0),
-    Spec('seed', 0, 'of the noise', 0, 2**31 - 1),
+    Spec('seed', 0, 'seed of the noise', 0, 2**31 - 1),
     Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
     Spec('publish_clock', True, 'send /clock in lock-step; one simulator per ROS domain only'),
     Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s', 0.01, 10.0,
          dynamic=True),
-    Spec('obey_supply_enable', True, 'the supply is open only while supply_enable says so; false '
-         'where nobody publishes it'),
-    Spec('supply_timeout', TIMEOUT, 'supply_enable counts for so long in wall time, s', 0.01, 10.0,
-         dynamic=True),
-    Spec('patience', 0.05, 'in wall time the rig waits so long for late answers to its last '
-         'sample, s; 0 to step without them, as a real rig does', 0.0, 1.0, dynamic=True),
+    Spec('obey_supply_enable', True, 'open the supply only while supply_enable is true; false '
+         'if no node publishes it'),
+    Spec('supply_timeout', TIMEOUT, 'time for which a supply_enable is valid in wall time, s',
+         0.01, 10.0, dynamic=True),
+    Spec('patience', 0.05, 'longest wait in wall time for late answers to the last sample, s; 0 '
+         'to step without them, as a real rig does', 0.0, 1.0, dynamic=True),
     *LOAD, *RIG, *FAULTS,
 )
-#: s of wall time after which an unanswered sample is sent again.
+#: Wall time after which an unanswered sample is sent again, s.
 _RETRY = 0.2
-#: ns by which the clock runs away from the stamps between two steps only when it was set.
+#: Change of the difference between clock and stamps in one step above which the clock was set, ns.
 _SET = 10_000_000_000
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
-#: s behind the clock that are worth a warning.
+#: Delay behind the clock from which a warning is given, s.
 _SLOW = 0.5
 
 
 class Script(Protocol):
-    """Hooks before and after each step of a simulated rig; says when to end."""
+    """Hooks before and after each step of a simulated rig; decides when the run ends."""
 
     def before(self, rig: Rig, time: float, period: float) -> None:
         """Act on the rig at a time of the run (s), before it steps by a period."""
 
     def after(self, rig: Rig, time: float, commands: list[float]) -> bool:
-        """Look at the rig after a step; return whether time is to stand still from now on."""
+        """Inspect the rig after a step; return whether time stands still from now on."""
 
 
 class PlantSimulator(BundleNode):
@@ -80,9 +80,9 @@ class PlantSimulator(BundleNode):
     Parameters
     ----------
     rig : Rig, optional
-        In place of the one that the parameters describe.
+        Replaces the rig that the parameters describe.
     script : Script, optional
-        What happens besides.
+        Hooks of each step.
     **keywords
         Of `BundleNode`.
 
@@ -90,7 +90,7 @@ class PlantSimulator(BundleNode):
     ----------
     rig : Rig
     halted : bool
-        Time stands still: the script has ended.
+        Whether time stands still because the script has ended.
     """
 
     def __init__(self, *, rig: Rig | None = None, script: Script | None = None, **keywords: Any):
@@ -128,7 +128,7 @@ class PlantSimulator(BundleNode):
             self.rig.e_stop('stopped at start: call e_stop_reset')
         self._announce_stop()
         if self.lock_step:
-            # Stamp 0 means "no stamp" to many tools: time begins one period later.
+            # Stamp 0 means "no stamp" to many tools, so time begins one period later.
             self._stamp = self._period_ns
             self._gate = Gate(self._channels)
             self.every(_RETRY, self._retry)
@@ -144,7 +144,7 @@ class PlantSimulator(BundleNode):
             (topic, self.sender(topic, FluidPressure,
                                 interface.pressure_writer(self.ambient, frame)))
             for topic, frame in interface.pressure_channels(self.units))
-        #: Channel, as faults name it, and what sends it; first what pressure loops wait for.
+        #: Channel, as named by faults, and its send function; those for pressure loops first.
         self._outputs = [
             ('strain', self.sender(interface.STRAIN, JointState,
                                    interface.strain_writer(self.rig.length))),
@@ -169,7 +169,7 @@ class PlantSimulator(BundleNode):
 
     @property
     def faults(self) -> Faults:
-        """What is broken, messages among it."""
+        """The present faults, those of messages included."""
         return self._injection.faults
 
     @faults.setter
@@ -194,12 +194,12 @@ class PlantSimulator(BundleNode):
                      f'{age:.3f} s ago, received just now; at most '
                      f"{self.p['command_timeout']:g} s is taken")
             return
-        # A stamp in the future counts from when the command came.
+        # The age of a stamp in the future counts from the arrival of the command.
         self._commands[unit], self._command_stamps[unit] = command, min(stamp, self._stamp)
         self._received[unit] = time.monotonic()
 
     def _retry(self) -> None:
-        """Send an unanswered sample again; a unit that never answers counts as lost."""
+        """Send an unanswered sample again; a unit that does not answer counts as lost."""
         silence = time.monotonic() - self._sent
         if silence < _RETRY or self.halted:
             return
@@ -208,7 +208,7 @@ class PlantSimulator(BundleNode):
             if lost:
                 self.say('lost', f"no valve commands for {', '.join(lost)}: venting", 0.0)
             if len(self._gate.lost) == self.units:
-                # No controller answers any more: let the air out at about wall speed.
+                # No controller answers any more: vent, at about the speed of wall time.
                 for _ in range(round(_RETRY * self.p['rate'])):
                     self._step([-1.0] * self.units)
                 self._publish(driven=False)
@@ -240,8 +240,8 @@ class PlantSimulator(BundleNode):
         late = now - self._stamp - self._period_ns
         missed = late > self._period_ns and not any(self._command_stamps)
         if missed or abs(late - self._behind) > _SET:
-            # Begin anew. Not so on a machine that is too slow and falls behind little by little:
-            # stamps that jump would make every command that has come look old, and vent.
+            # Resynchronise. Not on a machine that falls behind gradually: a jump of the stamps
+            # would make every received command stale, and vent.
             self._stamp += late
             late = 0
         self._behind = late
@@ -252,8 +252,8 @@ class PlantSimulator(BundleNode):
         """
         Return whether to give the controllers more time.
 
-        A desktop holds processes up for longer than a valve may stay open: the rig is then slower
-        than the clock rather than out of control. No unit is waited for long.
+        On a desktop, processes are delayed for longer than a valve may stay open. The rig then
+        falls behind the clock, so that it stays under control; the wait per unit is limited.
         """
         now = time.monotonic()
         since = now - self._sent
@@ -265,12 +265,12 @@ class PlantSimulator(BundleNode):
             for stamp, received in zip(self._command_stamps, self._received))
 
     def _fresh(self, unit: int) -> float:
-        """Return the command of a motor unit, or that to vent it when there is no fresh one."""
+        """Return the command of a motor unit, or -1 (vent) without a fresh one."""
         stamp = self._command_stamps[unit]
         if stamp is None:
             return -1.0
         age = (self._stamp - stamp) * 1e-9
-        # Below zero after the clock was set back.
+        # Negative after the clock was set back.
         if abs(age) <= self.p['command_timeout']:
             return self._commands[unit]
         self.say(f'silent {unit}', f'mu{unit + 1} is vented: its last valve command is stamped '
@@ -345,7 +345,7 @@ class PlantSimulator(BundleNode):
         self.rig.reset()
         self._imposed.forget()
         if stopped:
-            # Only e_stop_reset takes a stop back.
+            # Only e_stop_reset releases a stop.
             self.rig.e_stop(stopped)
         self._steps = 0
         self._announce_stop()

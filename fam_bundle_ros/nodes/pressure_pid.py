@@ -4,11 +4,11 @@
 Node pressure_pid: holds the pressure of one motor unit at its setpoint, or vents it.
 
 Every pressure reading is answered with a valve command that carries the reading's stamp. The
-motor unit is vented when the setpoint stays away, `supply_enable` is false, the emergency stop is
-on, or the process ends; a reading that cannot be trusted shuts the valve at first and vents when
-it lasts. A pressure that is too high or does not fit the air let in, a supply that contradicts its
-parameter, and late readings vent and latch, until `supply_enable` goes from false to true (which
-`enable` of the recruitment controller does). A setpoint of ambient means exhaust.
+motor unit is vented when no setpoint arrives, `supply_enable` is false, the emergency stop is on,
+or the process ends; a reading that cannot be trusted first shuts the valve, and vents if it lasts.
+A pressure that is too high or does not match the inflow, a supply that contradicts its parameter,
+and late readings vent and latch, until `supply_enable` goes from false to true (which `enable` of
+the recruitment controller does). A setpoint of ambient pressure means exhaust.
 """
 
 from dataclasses import replace
@@ -48,15 +48,15 @@ from fam_bundle_ros.nodes.pid_readings import LongestGap, Stretch
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 
-#: A gap between readings longer than this, to either side, is no sample period, s.
+#: A step of the stamp larger than this, forwards or backwards, is not a sample period, s.
 _GAP = 0.5
-#: s: gaps that come again do so within it.
+#: Window in which gaps between readings are expected to recur, s.
 _GAPS = 1.0
-#: s after which a driver exhausts a motor unit without a new command (docs/how_to/driver.md).
+#: Time without a command after which a driver exhausts a unit, s (docs/how_to/driver.md).
 _COMMAND_TIMEOUT = 0.1
-#: Pa: noise and drift of a reading stay below; errors above are worth a word.
+#: Errors above this are reported; noise and drift of a reading are smaller, Pa.
 _NOTABLE = 10e3
-#: An error lasts when it is there for longer than any step takes to settle, s.
+#: Longest settling time of a step; an error for longer is persistent, s.
 _SETTLING = 0.5
 
 
@@ -67,7 +67,7 @@ class PressurePidNode(BundleNode):
     Parameters
     ----------
     unit : int, optional
-        In place of the parameter ``motor_unit``; it makes the node's name.
+        Replaces the parameter ``motor_unit`` and determines the node's name.
     **keywords
         Of `BundleNode`.
     """
@@ -98,14 +98,14 @@ class PressurePidNode(BundleNode):
         self._setpoint: tuple[int, float] | None = None
         self._setpoint_received = 0.0
         self._guard = Guard(self._on_state)
-        #: Pa, that was last answered by the loop.
+        #: Last pressure that was answered by the loop, Pa.
         self._pressure = 0.0
         self._off = Stretch()
         self._command = -1.0
         self._answered = -1
-        #: In lock-step: an answer waits until the supply is cut.
+        #: In lock-step: whether an answer waits until the supply is cut.
         self._withheld = False
-        #: s between the arrivals of the last two readings; time stands still in lock-step.
+        #: Time between the arrivals of the last two readings, s; 0 in lock-step.
         self._gap = 0.0
         self._pressure_meter, self._setpoint_meter = Meter(), Meter()
         self._send = self.sender(interface.valve_topic(self.unit), JointState,
@@ -126,10 +126,10 @@ class PressurePidNode(BundleNode):
         self.every(0.02, self._check_time)
 
     def _settings(self) -> tuple[PidGains, PidConfig]:
-        """Return gains and settings, with a valve that stays safe when this loop is held up."""
+        """Return gains and settings, with valve limits that are safe when this loop is delayed."""
         gains, config = settings(self.p)
         if self.lock_step:
-            # There time stands still with it.
+            # In lock-step, time stands still while this loop is delayed.
             return gains, config
         late = self.max_latency if math.isfinite(self.max_latency) else SAMPLES / self.p['rate']
         return gains, replace(
@@ -151,7 +151,7 @@ class PressurePidNode(BundleNode):
             self._answer(stamp, value, self.latency(stamp))
 
     def _expect_gaps(self) -> None:
-        """Open the valve no wider than is safe until the next reading, which may be as late."""
+        """Limit the valve opening to what is safe until the next, possibly late, reading."""
         longest = min(self._gaps.see(time.monotonic(), self._gap), _COMMAND_TIMEOUT)
         if longest != self._longest_gap:
             self._longest_gap = longest
@@ -166,7 +166,7 @@ class PressurePidNode(BundleNode):
             return
         if not math.isfinite(value):
             raise InputError(f'setpoint is {value:g}; expected a number')
-        # Stamp 0 is what people send by hand: it counts from when it came.
+        # Stamp 0 is usual for messages sent by hand: the age counts from the arrival.
         self._setpoint = (stamp or max(self._answered, 0), value)
         self._setpoint_received = time.monotonic()
 
@@ -196,7 +196,7 @@ class PressurePidNode(BundleNode):
             self._watch.forgive_repeats()
             self._air.begin(now)
             if not self.lock_step:
-                # The command that was good without air would fill through a reversed valve.
+                # Full exhaust, harmless without supply, would fill through a reversed valve.
                 self._command = max(self._command, -GENTLE)
                 self._publish(self.now_ns(), self._command)
         else:
@@ -206,7 +206,7 @@ class PressurePidNode(BundleNode):
                 self._publish(self._answered, self._command)
 
     def _vent_now(self, cause: str) -> None:
-        """Vent at once, whether or not a reading comes to be answered."""
+        """Vent at once, without waiting for the next reading."""
         if not self.lock_step:
             self._command = self._vent(time.monotonic(), cause)
             self._publish(self.now_ns(), self._command)
@@ -238,7 +238,7 @@ class PressurePidNode(BundleNode):
     # --- time ----------------------------------------------------------------------------------
 
     def _check_time(self) -> None:
-        """Look after what does not come: nothing else runs while the rig is silent."""
+        """Detect missing messages: nothing else runs while the rig is silent."""
         now = time.monotonic()
         if self.lock_step:
             if (self._gate.begun and self._gate.missing
@@ -253,7 +253,7 @@ class PressurePidNode(BundleNode):
             self._publish(self.now_ns(), self._judge(now, None))
 
     def _now(self, stamp: int) -> float:
-        """Return the time that watches run on: stamps in lock-step, else the steady clock."""
+        """Return the time of the watches, s: stamps in lock-step, else the steady clock."""
         return stamp * 1e-9 if self.lock_step else time.monotonic()
 
     # --- control -------------------------------------------------------------------------------
@@ -263,16 +263,16 @@ class PressurePidNode(BundleNode):
         first = self._answered < 0
         dt = 0.0 if first else (stamp - self._answered) * 1e-9
         if self.lock_step and dt == 0.0 and not first:
-            # Time stands still: a repeated sample gets the same answer.
+            # A repeated sample gets the same answer.
             self._publish(stamp, self._command)
             return
-        # In wall time a stamp that stands still says nothing new, whatever the reading shows.
+        # In wall time a reading whose stamp does not advance is not new, whatever its value.
         new = self.lock_step or first or dt > 0.0 or dt < -_GAP
         if not new:
             self.say('stamp', f'mu{self.unit}: the stamp of the pressure does not advance; the '
                      'reading counts as stale')
         elif dt < 0.0 or dt > _GAP:
-            # The clock was set, or the rig was away: filters know nothing any more.
+            # The clock was set, or the rig was silent: the state of the filters is out of date.
             self.pid.reset()
         if new:
             self._answered = stamp
@@ -293,8 +293,8 @@ class PressurePidNode(BundleNode):
                           _NOTABLE)
         if new:
             self._air.inflow.commanded(self._command)
-        # Messages take no time in lock-step: the supply is cut before the rig goes on. Where
-        # nobody cuts it, the rig asks again.
+        # Messages take no time in lock-step: the supply is cut before the rig's next step. If no
+        # node cuts it, the rig sends its sample again.
         self._withheld = (self.lock_step and self._guard.latched and not latched
                           and self._permission.given)
         if not self._withheld:
@@ -303,9 +303,9 @@ class PressurePidNode(BundleNode):
     def _judge(self, now: float, pressure: float | None, new: bool = True,
                latency: float = 0.0) -> float | None:
         """
-        Return a command that safety asks for, or None where the loop may act.
+        Return the command that overrides the loop for safety, or None if the loop may act.
 
-        A reading that is not new counts for over-pressure only.
+        A reading that is not new is used for the over-pressure check only.
         """
         guard, watch, setpoint = self._guard, self._watch, self._setpoint
         health = (watch.check(now) if pressure is None or not new
@@ -344,7 +344,7 @@ class PressurePidNode(BundleNode):
         return 0.0 if self._air.inflow.holding else None
 
     def _look_for_latches(self, now: float, pressure: float | None) -> None:
-        """Latch where a reading or its watch says so."""
+        """Latch for over-pressure, or for a cause of the sensor watch."""
         limit = trip_pressure(self._max_pressure, self.p['over_pressure_factor'])
         if pressure is not None and pressure > limit:
             self._guard.latch(now, OVER_PRESSURE, f'mu{self.unit} at {kilopascals(pressure)}, '
@@ -369,7 +369,7 @@ class PressurePidNode(BundleNode):
         return -1.0
 
     def _must_move(self, now: float, pressure: float) -> bool:
-        """Whether the last command must be changing the pressure, or commands must have by now."""
+        """Whether the last command, or all recent ones together, must change the pressure."""
         if self._travel.see(now, pressure, self.pid.state.shown.expected_rate):
             return pressure > 10e3
         if abs(self._command) < self.p['valve.dead_band'] + 0.1:

@@ -4,7 +4,7 @@
 Runs nodes in a process: start, spin, vent, end.
 
 Signals only set a flag. rclpy's own handlers would shut the context down before the last vent
-command could be published, and an exception raised inside a callback could leave a node half way.
+command could be published, and an exception inside a callback could interrupt a node midway.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,11 +30,11 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.parameters import Spec, table
 from fam_bundle_ros.processes import variables
 
-#: s. Bounds how late a signal is noticed: with an infinite wait EventsExecutor ignores signals.
+#: Longest delay until a signal is noticed, s: in an infinite wait EventsExecutor ignores signals.
 SLICE = 0.1
-#: s that all last messages together get to reach everyone (who may be gone already).
+#: Time-out for the delivery of all last messages together, s; subscribers may have ended.
 FAREWELL = 0.3
-#: s after a first signal in which a second one counts as the same.
+#: Time after a first signal within which a second one counts as the same, s.
 PATIENCE = 2.0
 
 NodeFactory = Callable[[Context], Sequence[BundleNode]]
@@ -44,8 +44,8 @@ def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Con
     """
     Return a context for nodes of this process.
 
-    Nodes that are ``alone`` hear only each other: a simulated run must not move a real rig of the
-    same names.
+    With ``alone``, the nodes are visible to each other only, so that a simulated run cannot move a
+    real rig of the same names.
     """
     context = Context()
     with variables(**{'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'} if alone else {}):
@@ -72,17 +72,17 @@ class Spinner:
         self._deadline = 0.0
         for node in self.nodes:
             self.executor.add_node(node)
-        # The executor looks at its own time-out only when nothing waits to be done, which in
-        # lock-step is never.
+        # The executor checks its own time-out only when no event is pending, which never happens
+        # in lock-step.
         self.nodes[0].every(0.5 * SLICE, self._check)
 
     def add(self, node: BundleNode) -> None:
-        """Take in one more node, to be stopped last."""
+        """Add a node, to be stopped last."""
         self.nodes.append(node)
         self.executor.add_node(node)
 
     def spin(self, seconds: float = SLICE) -> None:
-        """Work off events for some time, or until `interrupt`."""
+        """Process events for some time (s), or until `interrupt`."""
         self._slice = Future(executor=self.executor)
         self._deadline = time.monotonic() + seconds
         self.executor.spin_until_future_complete(self._slice, timeout_sec=seconds)
@@ -101,7 +101,7 @@ class Spinner:
             self._slice.set_result(None)
 
     def close(self) -> None:
-        """Let every node publish its safe state, then destroy them; the context stays."""
+        """Let every node publish its safe state, then destroy the nodes; the context is kept."""
         for node in self.nodes:
             self._try(node, node.stop)
         deadline = time.monotonic() + FAREWELL
@@ -113,7 +113,7 @@ class Spinner:
 
     @staticmethod
     def _try(node: BundleNode, action: Callable[[], None]) -> None:
-        """Act; an error is logged, so that the other nodes are vented all the same."""
+        """Act; log an error, so that the other nodes are still vented."""
         try:
             action()
         except Exception as error:
@@ -126,16 +126,16 @@ class Spinner:
 
 class StopSignals:
     """
-    Notes SIGINT and SIGTERM while it is entered.
+    Context manager that notes SIGINT and SIGTERM.
 
-    One Ctrl-C may arrive twice (from the terminal and from launch); only one that comes later
-    interrupts what does not end.
+    One Ctrl-C may arrive twice (from the terminal and from launch); only a later second signal
+    raises KeyboardInterrupt.
 
     Parameters
     ----------
     restore : bool
-        Whether to put the handlers from before back in the end. A program that is about to exit
-        must not: a late signal would spoil its exit status.
+        Whether to restore the previous handlers at the end. A program that is about to exit must
+        not restore them: a late signal would change its exit status.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class StopSignals:
         self.received = False
         self._restore = restore
         self._first = 0.0
-        # Python delivers signals to the main thread only; elsewhere its owner has to stop us.
+        # Python delivers signals to the main thread only; in other threads the caller must stop.
         self._able = threading.current_thread() is threading.main_thread()
         self._before: dict[int, Any] = {}
 
@@ -159,7 +159,7 @@ class StopSignals:
             signal.signal(number, handler if self._restore else signal.SIG_IGN)
 
     def ignore(self) -> None:
-        """Let nothing interrupt the farewell."""
+        """Ignore signals while the nodes are stopped."""
         self._install(signal.SIG_IGN)
 
     def _install(self, handler: Any) -> None:
@@ -185,7 +185,7 @@ def executable(make: Callable[..., BundleNode], words: str | None, specs: Sequen
     Parameters
     ----------
     make : callable
-        Gets the context; the class of the node.
+        Called with the context; the class of the node.
     words : str
         What the node does, for ``--help``.
     specs : sequence of Spec
@@ -237,7 +237,7 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
             _init(context, argv)
             nodes = make(context)
             spinner = Spinner(context, nodes)
-            # Not at the top: it knows every node, and nodes know this module.
+            # Imported here, as that module imports every node, and nodes import this module.
             from fam_bundle_ros.nodes.known import refuse_unknown
             refuse_unknown(nodes)
             while not signals.received and context.ok():
@@ -266,6 +266,6 @@ def _init(context: Context, argv: Sequence[str]) -> None:
     except InputError:
         raise
     except (RuntimeError, ValueError) as error:
-        # RCLError is a RuntimeError; behind the reason it gives places in C source files.
+        # RCLError is a RuntimeError whose reason is followed by places in C source files.
         reason = str(error).split(', at /')[0].partition(': ')
         raise InputError(' '.join((reason[2] or reason[0]).split())) from None

@@ -27,7 +27,7 @@ from fam_bundle_ros.units import parse
 
 FORMAT = 'fam-bundle-trajectory/1'
 _LIKE = {'force': 'N', 'strain': '1'}
-#: Possible references; beyond them somebody mixed up units.
+#: Largest plausible references (N, 1); larger ones have a wrong unit.
 _LIMITS = {'force': 1e4, 'strain': 0.5}
 _KEYS = {'format', 'name', 'quantity', 'interpolation', 'points', 'notes'}
 
@@ -35,7 +35,7 @@ _KEYS = {'format', 'name', 'quantity', 'interpolation', 'points', 'notes'}
 @dataclass(frozen=True)
 class Points:
     """
-    Points in time, held before the first and after the last.
+    Points in time; the value is held before the first and after the last.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Points:
         Rising.
     values : tuple of float
     rates : tuple of float, optional
-        With rates, cubic between the points; without, straight lines.
+        Derivatives at the points, for cubic Hermite interpolation; linear without.
 
     Raises
     ------
@@ -84,7 +84,7 @@ class Points:
                 raise InputError(f'{self.name}: point {k + 1} is at {time:g} s, not after point '
                                  f'{k} at {self.times[k - 1]:g} s')
             if k and self.rates is not None:
-                # Largest way off the points by their rates: 4/27 of the interval for each.
+                # Bound of the overshoot of a Hermite cubic: 4/27 of the interval for each rate.
                 off = 4.0 / 27.0 * (time - self.times[k - 1]) * (
                     abs(self.rates[k - 1]) + abs(self.rates[k]))
                 if not off <= _LIMITS[self.kind]:
@@ -102,7 +102,7 @@ class Points:
         return self._at(time)[0]
 
     def rate(self, time: float) -> float:
-        """Return its rate per second."""
+        """Return the derivative of the reference at a time, 1/s."""
         return self._at(time)[1]
 
     def _at(self, time: float) -> tuple[float, float]:
@@ -116,7 +116,7 @@ class Points:
         a, b = self.values[k - 1], self.values[k]
         if self.rates is None:
             return a + s * (b - a), (b - a) / h
-        # Cubic Hermite, as joint_trajectory_controller takes points with velocities.
+        # Cubic Hermite, as in joint_trajectory_controller for points with velocities.
         u, v = self.rates[k - 1] * h, self.rates[k] * h
         value = (a + s * (u + s * (3.0 * (b - a) - 2.0 * u - v
                                    + s * (2.0 * (a - b) + u + v))))
@@ -168,6 +168,6 @@ def profile_from(content: Any, label: str) -> Points:
             times.append(parse(point[0], 's'))
             values.append(parse(point[1], _LIKE[kind]))
     rates = tuple(0.0 for _ in times) if smooth == 'smooth' else None
-    # Under the file's name first: mistakes have to name the file.
+    # With the file's name first, so that errors name the file.
     profile = Points(label, kind, tuple(times), tuple(values), rates)
     return replace(profile, name=str(content.get('name', label)))

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-An experiment sample by sample: which strain and pressures to ask of the rig now. No ROS.
+An experiment sample by sample: the present strain and pressure references of the rig. No ROS.
 
-For each segment: wait where there is a pause, move the dynamometer to the start, fill, wait until
-the pressures are there and have settled, then follow the course and note every sample.
+For each segment: wait if there is a pause, move the dynamometer to the start, fill, wait until the
+pressures are reached and have settled, then follow the course and record every sample.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -15,32 +15,32 @@ from fam_bundle_ros.data.protocol import Protocol, Segment
 from fam_bundle_ros.data.segment_store import Row
 from fam_bundle_ros.data.segments import alike, Pressures
 
-#: s: pressures are taken as means over so long, and have so long to be there.
+#: Averaging time of the pressures, and time-out until they are reached, s.
 _MEAN, _FILLING = 0.3, 20.0
-#: Share of the highest pressure of the protocol, and Pa, within which a pressure is there.
+#: Tolerance of a reached pressure: share of the protocol's highest pressure, at least Pa.
 _THERE_SHARE, _THERE = 0.01, 2e3
-#: Strain within which the dynamometer has arrived, and s that it has beyond the way it needs.
+#: Tolerance of a reached strain, and additional time for reaching it, s.
 _ARRIVED, _ARRIVING = 3e-3, 5.0
-#: Pa by which the controller's setpoints may differ from what is asked, and s for how long.
+#: Tolerated difference of the controller's setpoints from the references, Pa, and for how long, s.
 _OBEYS, _OBEYING = 5e3, 1.0
-#: Samples in a row beyond the force limit: one alone may be a spike.
+#: Successive samples beyond the force limit that stop the experiment; one may be a spike.
 _SPIKE = 3
-#: s without a sample after which a segment is run again, and how often it is run at most.
+#: Time without a sample after which a segment is repeated, s, and largest number of its runs.
 _GAP, _TRIES = 0.5, 3
 
 
 class Stopped(Exception):
-    """The experiment cannot go on; the text says why. Everything is to be vented."""
+    """The experiment cannot continue, for the reason in the text; all units must be vented."""
 
 
 class _Gap(Exception):
-    """Samples are missing in a segment; the text says for how long."""
+    """Samples are missing in a segment; the text gives the duration."""
 
 
 @dataclass(frozen=True)
 class Seen:
     """
-    A sample of the rig, and what the controller has made of what was asked.
+    A sample of the rig, with the controller's pressure setpoints.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Seen:
     force : float, N
     strain : float
     pressure, setpoint : tuple of float, Pa (gauge)
-        Setpoints are nan where none was heard.
+        A setpoint is nan before the first is received.
     """
 
     time: float
@@ -59,19 +59,19 @@ class Seen:
 
     @property
     def whole(self) -> bool:
-        """Whether every reading is a number."""
+        """Whether every reading is finite."""
         return math.isfinite(self.force + self.strain + sum(self.pressure))
 
 
 @dataclass(frozen=True)
 class Asked:
     """
-    Strain and pressures asked of the rig.
+    Strain and pressure references for the rig.
 
     Attributes
     ----------
     strain : float or None
-        None: nothing is asked of a dynamometer.
+        None without a reference for a dynamometer.
     rate : float, 1/s
     pressure : tuple of float, Pa (gauge)
     """
@@ -83,21 +83,21 @@ class Asked:
 
 class ProtocolRun:
     """
-    An experiment under way.
+    A running experiment.
 
     Parameters
     ----------
     protocol : Protocol
     todo : sequence of Segment
-        Those that are still to be run, in their order.
+        Segments still to be run, in order.
     keep : callable
-        Gets each segment that is complete, and its rows.
+        Called with each complete segment and its rows.
 
     Attributes
     ----------
     done : bool
     words : str
-        What it is doing.
+        Present step, for messages.
     """
 
     def __init__(self, protocol: Protocol, todo: Sequence[Segment],
@@ -117,20 +117,20 @@ class ProtocolRun:
 
     @property
     def left(self) -> float:
-        """Time that is reckoned to be left, s of the rig."""
+        """Estimated time left, s of the rig's time."""
         return max(sum(segment.duration for segment in self._todo) - self._passed, 0.0)
 
     def step(self, seen: Seen) -> Asked:
         """
-        Take a sample; return what is to be asked now.
+        Take a sample; return the references to send now.
 
         Raises
         ------
         Stopped
-            For a force beyond its limit, and where rig or controller do not follow.
+            For a force beyond its limit, or if rig or controller do not follow.
         """
         if self._asked is not None and seen.time - self._seen.time > _GAP:
-            # Whoever was held up has not heard what was asked meanwhile.
+            # After a gap the controller may not have received the references yet.
             self._disobeyed = None
         self._seen = seen
         self._look(seen)
@@ -148,7 +148,7 @@ class ProtocolRun:
         if self._beyond >= _SPIKE:
             raise Stopped(f'force is {seen.force:.4g} N, beyond the limit of {limit:g} N')
         asked = self._asked
-        # A unit whose setpoint was never heard does not follow either.
+        # A unit without a received setpoint (nan) counts as not following.
         if asked is None or all(abs(a - b) < _OBEYS for a, b in zip(asked.pressure,
                                                                     seen.setpoint)):
             self._disobeyed = None
@@ -180,7 +180,7 @@ class ProtocolRun:
                 tries += 1
                 if tries == _TRIES:
                     raise Stopped(f'{where}: {gap}') from gap
-                # A computer that was held up is no reason to end an experiment of hours.
+                # A delay of the computer must not end an experiment of hours.
                 again = f' again ({gap})'
                 continue
             self._keep(segment, rows)
@@ -197,13 +197,13 @@ class ProtocolRun:
             yield self._hold()
 
     def _travel(self, strain: float | None) -> Generator[Asked, None, None]:
-        """Move the dynamometer at its travelling rate; the pressures stay."""
+        """Move the dynamometer at its travelling rate, at constant pressures."""
         if strain is None:
             self._place = None
             return
         while not self._seen.whole:
             yield self._hold()
-        # Where it is, not where it was sent: it may have been moved meanwhile.
+        # From the measured strain, as the dynamometer may have been moved in the meantime.
         origin, begin = self._seen.strain, self._seen.time
         if abs(strain - origin) > _ARRIVED:
             seconds = abs(strain - origin) / self._protocol.travel
@@ -219,7 +219,7 @@ class ProtocolRun:
             yield self._hold()
 
     def _fill(self, pressure: Pressures) -> Generator[Asked, None, None]:
-        """Ask for pressures and wait until they are there."""
+        """Send pressure references and wait until they are reached."""
         fresh = not alike(pressure, self._pressure)
         self._pressure, begin = pressure, self._seen.time
         near = max(_THERE, _THERE_SHARE * max(self._protocol.highest))
@@ -252,7 +252,7 @@ class ProtocolRun:
             self._place, rate, self._pressure = course.at(now)
             ahead, _, _ = course.at(now + step)
             if ahead is not None and self._place is not None and step > 0.0:
-                # the mean until the next sample: with that of the leg it would overshoot its end
+                # the mean rate until the next sample: the rate of the leg would overshoot its end
                 rate = (ahead - self._place) / step
             yield Asked(self._place, rate, self._pressure)
             step = self._seen.time - seen.time

@@ -23,24 +23,24 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.interface import Topic
 from fam_bundle_ros.nodes.process import Spinner, StopSignals
 
-#: How many motor units are looked for.
+#: Largest number of motor units that is searched for.
 _MOST_UNITS = 64
-#: s that `record` waits for the first topic.
+#: Time-out of `record` for the first topic, s.
 _PATIENCE = 10.0
-#: s: what a killed process loses at most.
+#: Period of writing to the disk, s: a killed process loses no more than this.
 FLUSH = 0.5
-#: Messages of a topic that wait until they are taken; later ones push earlier ones out.
+#: Depth of the queue of a topic; a full queue drops its oldest message.
 _DEPTH = 200
-#: s between two looks at the clock from which a warning is due: `_DEPTH` messages at 200 Hz.
+#: Delay of the recorder that may lose messages, s: `_DEPTH` messages at 200 Hz.
 _HELD_UP = 1.0
 
 
 class Recorder(BundleNode):
     """
-    Subscribes to topics and writes what comes.
+    Subscribes to topics and writes their messages.
 
-    Messages with a header are filed under their own stamp, others under the newest stamp seen:
-    in lock-step the bag of a run is then the same whenever it is made.
+    Messages with a header are recorded at their own stamp, others at the newest stamp received,
+    so that in lock-step the bag of a run is reproducible.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Recorder(BundleNode):
         super().__init__('recorder', (), **keywords)
         self._writer = writer
         self._newest = 0
-        # What was recorded is on the disk soon, whatever becomes of this process.
+        # Written to the disk regularly, in case this process is killed.
         self.every(FLUSH, writer.flush)
         #: Full names of the topics that are recorded.
         self.recorded: set[str] = set()
@@ -76,7 +76,7 @@ class Recorder(BundleNode):
                 qos or (interface.LATCHED if topic.latched else interface.LOCK_STEP), raw=True)
 
     def discover(self) -> None:
-        """Record what of the interface is on the graph now and is not recorded yet."""
+        """Record the topics of the interface that are on the graph and not recorded yet."""
         known = {self.resolve_topic_name(topic.name): topic
                  for topic in interface.topics(_MOST_UNITS)}
         for name, types in self.get_topic_names_and_types():
@@ -90,7 +90,7 @@ class Recorder(BundleNode):
     def _stamp(self, raw: bytes, headed: bool) -> int:
         stamp = 0
         if headed:
-            # CDR: 4 bytes say the byte order, then the header begins with its stamp.
+            # CDR: 4 bytes with the byte order, then the header, which begins with the stamp.
             sec, nanosec = struct.unpack_from('<iI' if raw[1] & 1 else '>iI', raw, 4)
             stamp = sec * 1_000_000_000 + nanosec
         self._newest = max(self._newest, stamp)
@@ -98,7 +98,7 @@ class Recorder(BundleNode):
 
 
 def matching_qos(offers: Iterable[QoSProfile]) -> QoSProfile:
-    """Return the QoS that hears all of these publishers, as reliably as they allow."""
+    """Return the most reliable QoS that is compatible with all these publishers."""
     offers = list(offers)
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
     latched = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
@@ -124,7 +124,7 @@ def record(folder: str | Path, seconds: float | None = None,
     domain : int, optional
         ROS domain; that of the environment by default.
     progress : callable, optional
-        Gets seconds and messages so far, a few times a second.
+        Called with seconds and messages so far, a few times a second.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def record(folder: str | Path, seconds: float | None = None,
     Raises
     ------
     InputError
-        When nothing of the interface is there within 10 s.
+        When no topic of the interface is found within 10 s.
     """
     with ExitStack() as ending:
         context = Context()
@@ -157,7 +157,7 @@ def record(folder: str | Path, seconds: float | None = None,
                     f'held up from {before - heard:.1f} to {now - heard:.1f} s of the recording: '
                     'sensor readings of that time may be missing')
             if heard is None:
-                # Finding each other takes seconds and is no part of the recording.
+                # Discovery takes seconds and is not part of the recording.
                 heard = now if writer.count else None
                 if heard is None and now - begin > _PATIENCE:
                     raise InputError(f'no topics of a bundle under {node.get_namespace()}; '

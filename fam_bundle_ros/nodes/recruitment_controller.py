@@ -4,9 +4,9 @@
 Node recruitment_controller: a force, strain or pressure reference in, pressure setpoints out.
 
 Each complete sample of the rig is answered with setpoints that carry its stamp. The last
-reference received, ``reference/force``, ``reference/strain`` or ``reference/pressures``, is the
-control mode; switching off forgets it. Readings that cannot be trusted hold the pressures at
-first and vent when it lasts. A loss that lasts on, late readings, over-pressure, a force that no
+reference received, ``reference/force``, ``reference/strain`` or ``reference/pressures``, sets the
+control mode; switching off deletes it. Readings that cannot be trusted hold the pressures at
+first, and vent if this lasts. A longer loss, late readings, over-pressure, a force that no
 pressure explains, a pressure loop that latches or falls silent, and a process that stood still
 vent the whole bundle and cut the supply (``supply_enable``) until ``enable`` is called again; so
 does the emergency stop.
@@ -40,11 +40,12 @@ from fam_bundle_ros.nodes.references import MovingReference
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.supply_enable import SupplyEnable, TIMEOUT
 
-#: s: a gap between samples is no reason to integrate over all of it.
+#: Longest time step of the integrators after a gap between samples, s.
 _LONGEST = 0.1
-#: s: a stamp that goes back by less is a channel's clock beside another's; else it was set.
+#: A stamp that goes back by more than this means that the clock was set; by less, that the clocks
+#: of two channels differ, s.
 _CLOCK_SET = 0.5
-#: s between two lines in the log on what lasts; diagnostics have it every second.
+#: Period of repeated warnings in the log, s; diagnostics have them every second.
 _REMIND = 60.0
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
@@ -69,14 +70,14 @@ class RecruitmentNode(BundleNode):
         self._loaded = p['model']
         self.controller = RecruitmentController(self.bundle, controller_config(p))
         self._direct = DirectPressures(self.bundle, hold_time=p['hold_time'])
-        #: Whether pressures were asked for by themselves in the last tick.
+        #: Whether the reference of the last tick was one of pressures.
         self._was_direct = False
         n = self.bundle.n
         self._limit = self.bundle.max_pressure.tolist()
-        #: Whether to enable as soon as nothing speaks against it; in lock-step at once.
+        #: Whether to enable as soon as there is no reason against it; in lock-step at once.
         self._automatic: bool = p['start_enabled'] and not self.lock_step
         self._enabled: bool = p['start_enabled'] and self.lock_step
-        #: Whether to begin from the pressures as they are; None before the first sample.
+        #: Whether to start from the measured pressures; None before the first sample.
         self._take_over: bool | None = None
         self._reference = MovingReference()
         #: State while there is no reference.
@@ -127,7 +128,7 @@ class RecruitmentNode(BundleNode):
 
     @property
     def _exhausted(self) -> float:
-        """Return for how long the supply has been shut and every valve open to ambient, s."""
+        """Time since the supply was shut with all valves exhausting, s."""
         return 0.0 if self._shut_since is None else self._now() - self._shut_since
 
     def _take_reference(self, stamp: int, reference: Reference) -> None:
@@ -143,19 +144,19 @@ class RecruitmentNode(BundleNode):
         dt = (sample.stamp - self._answered) * 1e-9 if self._answered >= 0 else 0.0
         now = time.monotonic()
         if not self.lock_step and -_CLOCK_SET < dt <= 0.0:
-            # Stamps stand still and time does not: watches and ramps must go on.
+            # Stamps do not advance but time does: watches and ramps must continue.
             dt = now - self._decided
         self._decided = now
         if not self.lock_step or sample.stamp != self._answered:
             self._answered = sample.stamp
-            # A reference that was lost on the way leaves the last one.
+            # Without a reference (lost message) the last one is kept.
             if reference := sample.extra.get('reference'):
                 self._reference.take(reference, self._now())
             self._decide(sample, dt)
         self._publish(sample.stamp)
 
     def _decide(self, sample: Sample, dt: float) -> None:
-        """Work out setpoints and state for a sample."""
+        """Compute setpoints and state for a sample."""
         oversight = self._oversight
         measurement = oversight.trusted(sample, self._sensing)
         oversight.look(sample, self._enabled, bool(self._off_target.text))
@@ -183,7 +184,7 @@ class RecruitmentNode(BundleNode):
         assert reference is not None
         readable = self._oversight.readable
         if dt < 0.0:
-            # The clock was set: what filters and memory hold belongs to another time.
+            # The clock was set: the state of filters and memory is out of date.
             self._take_over = True
         direct = reference.kind == 'pressure'
         at_work = self._direct if direct else self.controller
@@ -191,7 +192,7 @@ class RecruitmentNode(BundleNode):
             self._take_over = True
         self._was_direct = direct
         if self._take_over is None:
-            # A vented bundle has nothing to be taken over.
+            # A vented bundle needs no start from the measured pressures.
             self._take_over = not max(sample.pressure) < _VENTED
         if self._take_over and readable:
             at_work.enable(measurement)
@@ -213,7 +214,7 @@ class RecruitmentNode(BundleNode):
         if readable:
             self._guard.enter(self._now(), State.ACTIVE)
             return
-        # Once the air is out, switching on anew must start from the pressures as they are.
+        # Once vented, the next start must use the measured pressures.
         self._take_over = not any(self.setpoints)
         self._guard.enter(self._now(), *((State.VENT, 'SENSOR') if self._take_over else
                                          (State.HOLD, 'HOLD')), self._oversight.unreadable)
@@ -222,7 +223,7 @@ class RecruitmentNode(BundleNode):
                  + ('vented' if self._take_over else 'pressures held'))
 
     def _now(self) -> float:
-        """Return the time that watches run on: stamps in lock-step, else the steady clock."""
+        """Return the time of the watches, s: stamps in lock-step, else the steady clock."""
         return self._answered * 1e-9 if self.lock_step else time.monotonic()
 
     def _reason_to_be_off(self) -> tuple[State, str] | None:
@@ -251,7 +252,7 @@ class RecruitmentNode(BundleNode):
         self._sensing.check_time()
 
     def _on_latch(self) -> None:
-        """Vent all, cut the supply, and stay off until somebody enables again."""
+        """Vent all, cut the supply, and stay off until `enable`."""
         self._enabled = self._automatic = False
         self._forget_reference()
         self.command = None
@@ -263,13 +264,13 @@ class RecruitmentNode(BundleNode):
         self._oversight.release()
 
     def _forget_reference(self, state: str = 'WAITING') -> None:
-        """Wait for a new one: what was asked for before may not be wanted when it goes on."""
+        """Wait for a new reference: the old one may be out of date when control resumes."""
         self._reference = MovingReference()
         self._without_reference = state
         self._take_over = True
 
     def _ramp_down(self, dt: float, at_once: bool) -> None:
-        """Let the air out: at once where it is urgent, else without a jump."""
+        """Ramp the setpoints to 0, or set them to 0 at once."""
         ramp = self.p['ramp_down_time']
         if at_once or ramp <= 0.0:
             self.setpoints = [0.0] * self.bundle.n
@@ -295,7 +296,7 @@ class RecruitmentNode(BundleNode):
             self._state_publisher.publish(interface.state_message(state))
 
     def stop(self) -> None:
-        """Ask for ambient pressure."""
+        """Publish setpoints of ambient pressure."""
         self._supply.set(False)
         self.setpoints = [0.0] * self.bundle.n
         self.command = None
@@ -305,7 +306,7 @@ class RecruitmentNode(BundleNode):
 
     def _on_e_stop(self) -> None:
         if self._enabled and self._answered >= 0:
-            # A stop ends what was going on; going on again is a decision of its own.
+            # Control does not resume by itself after an emergency stop.
             self._enabled = False
             self._forget_reference()
         self._automatic = False
@@ -323,7 +324,7 @@ class RecruitmentNode(BundleNode):
             response.success, response.message = False, message
             self.say('not enabled', message if self._enabled else f'not enabled: {why}', 1.0)
         elif self._enabled:
-            # Calling again must not begin the watches anew.
+            # A repeated call must not reset the watches.
             response.success, response.message = True, f'on already: {self._guard.word}'
         else:
             self._enable()
@@ -338,8 +339,8 @@ class RecruitmentNode(BundleNode):
         if model != self._loaded and self._enabled and self._swap.bundle(model) is None:
             raise InputError('the model changes only while the controller is off, or by '
                              'apply_model; the pressure loops keep theirs until all nodes are '
-                             'started anew')
-        # What the pressure loops and the readings of this node rest on.
+                             'restarted')
+        # The pressure loops and the readings of this node depend on these.
         for what, new, old in (('motor units', bundle.n, self.bundle.n),
                                ('largest pressures', bundle.max_pressure.tolist(), self._limit),
                                ('the length', bundle.length, self.bundle.length)):

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the node recruitment_controller, and the settings that they make."""
+"""Parameters of the node recruitment_controller, and the settings made from them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -39,7 +39,7 @@ _LOAD_FIELDS = (('force', 'N at zero strain'), ('stiffness', 'N per strain'),
 def _outer_spec(name: str, unit: str, high: float) -> Spec:
     default = getattr(_OUTER, name)
     if default is None:
-        return Spec(f'outer.{name}', -1.0, f'of the outer loop, {unit}; -1: worked out', -1.0,
+        return Spec(f'outer.{name}', -1.0, f'of the outer loop, {unit}; -1: computed', -1.0,
                     high, dynamic=True)
     return Spec(f'outer.{name}', default, f'of the outer loop, {unit}',
                 1e-4 if name.endswith('time') else 0.0, high, dynamic=True)
@@ -49,60 +49,60 @@ SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + '; changes only while it is off',
          dynamic=True),
     *LISTENER, *sensing.SPECS, *LATENCY,
-    Spec('start_enabled', False, 'act without being enabled first'),
-    Spec('wait_for_reference', False, 'in lock-step wait for a reference of the same stamp: set '
-         'it where a reference_generator runs'),
+    Spec('start_enabled', False, 'start without a call of `enable`'),
+    Spec('wait_for_reference', False, 'wait in lock-step for a reference of the same stamp: true '
+         'if a reference_generator runs'),
     Spec('policy', 'reversal_aware', 'when to switch', choices=POLICIES, dynamic=True),
     Spec('scheme', 'orderly', 'how motor units share the force', choices=SCHEMES, dynamic=True),
-    Spec('dwell', _SWITCHING.dwell, 'least time between opposite switches, s', 0.0, 60.0,
+    Spec('dwell', _SWITCHING.dwell, 'shortest time between opposite switches, s', 0.0, 60.0,
          dynamic=True),
-    Spec('margin', -1.0, 'switching margin by hand, N; -1: from model and noise', -1.0, 1e4,
+    Spec('margin', -1.0, 'switching margin, N; -1: from model and noise', -1.0, 1e4,
          dynamic=True),
-    Spec('hysteresis', -1.0, 'hysteresis by hand, N; -1: from model and noise', -1.0, 1e4,
+    Spec('hysteresis', -1.0, 'hysteresis, N; -1: from model and noise', -1.0, 1e4,
          dynamic=True),
-    Spec('feed_forward', True, 'use the model to meet the reference', dynamic=True),
-    Spec('feedback', True, 'correct by the measured error', dynamic=True),
-    Spec('adaptation.enabled', True, 'learn what the model gets wrong while it works',
+    Spec('feed_forward', True, 'feed-forward of the reference by the model', dynamic=True),
+    Spec('feedback', True, 'feedback of the measured error', dynamic=True),
+    Spec('adaptation.enabled', True, 'adapt the model to its error during operation',
          dynamic=True),
-    Spec('adaptation.memory', AdaptationConfig().memory, 'how long an error that no gain '
-         'explains stays alike, s', 0.01, 1e3, dynamic=True),
-    Spec('adaptation_file', '', 'model file that adaptation/save writes; where nothing is given '
-         'the name of the model with _adapted, in the working directory'),
+    Spec('adaptation.memory', AdaptationConfig().memory, 'correlation time of model errors that '
+         'no gain explains, s', 0.01, 1e3, dynamic=True),
+    Spec('adaptation_file', '', 'model file that adaptation/save writes; by default the name of '
+         'the model with _adapted, in the working directory'),
     *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
     *(Spec(f'baseline.{name}', getattr(_BASELINE, name), 'of the schemes equal_pressure and '
            f'threshold, {unit}', 0.0, high, dynamic=True)
       for name, unit, high in _BASELINE_FIELDS),
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}; '
-           'all 0: the load is learnt as it moves', 0.0, 1e6,
+           'all 0: the load is identified as it moves', 0.0, 1e6,
            dynamic=True) for name, unit in _LOAD_FIELDS),
-    Spec('reference_timeout', 0.0, 'vent and forget the reference when it is older, s; 0 for '
+    Spec('reference_timeout', 0.0, 'vent and delete the reference when it is older, s; 0 for '
          'never', 0.0, 3600.0, dynamic=True, guards=True, zero_is_off=True),
-    Spec('ramp_down_time', 0.5, 'time over which switching off lets the air out, s', 0.0, 60.0,
+    Spec('ramp_down_time', 0.5, 'duration of the pressure ramp when switching off, s', 0.0, 60.0,
          dynamic=True),
-    Spec('e_stop_required', True, '`enable` refuses while nobody publishes e_stop; false for a '
-         'rig that has no emergency stop'),
+    Spec('e_stop_required', True, '`enable` refuses while no node publishes e_stop; false for a '
+         'rig without an emergency stop'),
     Spec('over_pressure_factor', OVER_PRESSURE_FACTOR, 'vent and latch above the largest '
          'pressure times this', 1.0, 3.0, dynamic=True, guards=True),
-    Spec('force_low', -200.0, 'least possible force reading, N', -1e5, 0.0),
+    Spec('force_low', -200.0, 'smallest possible force reading, N', -1e5, 0.0),
     Spec('force_high', 5000.0, 'largest possible force reading, N', 0.0, 1e5),
-    Spec('strain_low', -0.2, 'least possible strain reading', -1.0, 0.0),
+    Spec('strain_low', -0.2, 'smallest possible strain reading', -1.0, 0.0),
     Spec('strain_high', 0.6, 'largest possible strain reading', 0.0, 1.0),
     Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),
-    Spec('hold_time', HOLD_TIME, 'a bad reading holds the pressures so long, then vents, s', 0.0,
+    Spec('hold_time', HOLD_TIME, 'time for which a bad reading holds the pressures before it '
+         'vents, s', 0.0, 10.0),
+    Spec('recovery_time', 0.2, 'time for which a reading must be good to be used again, s', 0.0,
          10.0),
-    Spec('recovery_time', 0.2, 'a reading must be good so long to count again, s', 0.0, 10.0),
-    Spec('resume_within', 2.0, 'pressure returns by itself after sensors were out for less than '
-         'this, s; after longer `enable` is needed, with 0 always', 0.0, 3600.0, dynamic=True,
-         guards=True),
-    Spec('stuck_time', 0.5, 'a force that repeats exactly so long while pressures move is '
-         'stuck, s; 0 for a load cell without noise', 0.0, 60.0),
-    Spec('strain_stuck_time', 0.0, 'the same for strain; 0, for never: a load may hold it still',
+    Spec('resume_within', 2.0, 'longest loss of sensors after which pressure returns without '
+         '`enable`, s; 0: `enable` is always needed', 0.0, 3600.0, dynamic=True, guards=True),
+    Spec('stuck_time', 0.5, 'a force that is exactly constant for this time while pressures '
+         'change is stuck, s; 0 for a load cell without noise', 0.0, 60.0),
+    Spec('strain_stuck_time', 0.0, 'the same for strain; 0, for never, as a load may hold it',
          0.0, 60.0),
 )
 
 
 def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
-    """Return the controller's settings; InputError where they do not fit together."""
+    """Return the controller's settings; InputError if they are not consistent."""
     outer: dict[str, Any] = {
         name: _by_hand(values[f'outer.{name}']) for name, _, _ in _OUTER_FIELDS}
     return ControllerConfig(
@@ -121,5 +121,5 @@ def controller_config(values: Mapping[str, Any]) -> ControllerConfig:
 
 
 def _by_hand(value: float) -> float | None:
-    """Return None for -1, which ROS parameters have in place of "work it out"."""
+    """Return None for -1, by which ROS parameters ask for the computed value."""
     return None if value < 0.0 else value

@@ -5,9 +5,9 @@ Node reference_generator: samples a trajectory into ``reference/force`` or ``ref
 
 The trajectory comes from a file (parameter) or from the topic ``reference/trajectory`` (joint
 ``force``, ``strain`` or ``contraction``; cubic where the points have velocities, else straight
-lines; a start stamp of 0 means now). A file's trajectory starts once the rig sends samples and
-somebody takes the reference. The end is held. With ``give_way`` it is silent while somebody sends
-``reference/pressures``, and goes on a second later where it would be by then.
+lines; a start stamp of 0 means now). A file's trajectory starts once the rig sends samples and the
+reference has a subscriber. The last value is held. With ``give_way`` it is silent while another
+node sends ``reference/pressures``, and resumes a second later; its time continues meanwhile.
 """
 
 from typing import Any, TYPE_CHECKING
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 SPECS = (
     Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for the rest length'),
     Spec('trajectory', '', 'trajectory file: a path, or the name of one that ships'),
-    Spec('repeat', False, 'begin anew at the end', dynamic=True),
+    Spec('repeat', False, 'repeat the trajectory', dynamic=True),
     Spec('prepare', 0.0, 'time for which the first value is held before the start, s', 0.0, 60.0),
-    Spec('rate', 200.0, 'most references per second; never more than the rig sends samples',
+    Spec('rate', 200.0, 'largest rate of references, Hz; not above the rate of the samples',
          1.0, 2000.0),
-    Spec('give_way', False, 'send nothing while somebody sends reference/pressures, as '
+    Spec('give_way', False, 'be silent while another node sends reference/pressures, as '
          '`fam_bundle measure` does', dynamic=True),
 )
-#: ns without pressures after which it goes on.
+#: Time without pressure references after which the generator resumes, ns.
 _GIVEN_WAY = 1_000_000_000
-#: ns: a stamp that goes back by less is another sensor's or late; else the clock was set.
+#: A stamp that goes back by more means that the clock was set; by less, that it is late, ns.
 _CLOCK_SET = 1_000_000_000
 
 
@@ -51,7 +51,7 @@ class ReferenceGenerator(BundleNode):
     Parameters
     ----------
     profile : Points or Trajectory, optional
-        In place of the parameter ``trajectory``.
+        Replaces the parameter ``trajectory``.
     **keywords
         Of `BundleNode`.
     """
@@ -68,18 +68,18 @@ class ReferenceGenerator(BundleNode):
         self._stamp = 0
         self._heard: dict[str, int] = {}
         self._sent = 0
-        #: Stamp at which pressures were sent by somebody, ns.
+        #: Stamp at the last pressure references of another node, ns.
         self._pressures: int | None = None
         self._meter = Meter()
         self._sample_meter = Meter()
         self._outputs: dict[str, Any] = {}
-        # Somebody else may send references while there is no trajectory: no second publisher then.
+        # No publisher without a trajectory: another node may publish references then.
         for kind in ('force', 'strain') if self.lock_step else (profile.kind,) if profile else ():
             self._output(kind)
         self.subscribe(interface.TRAJECTORY, JointTrajectory, self._on_trajectory,
                        interface.RELIABLE)
-        # The rig's samples are the clock of the references, so that both carry one time; two
-        # sensors, so that one may fail.
+        # The rig's samples clock the references, so that both have the same stamps; two sensors,
+        # so that one may fail.
         self.subscribe(interface.STRAIN, JointState,
                        lambda m: self._on_sample(interface.STRAIN, m))
         self.subscribe(interface.FORCE, WrenchStamped,
@@ -97,7 +97,7 @@ class ReferenceGenerator(BundleNode):
 
     @property
     def gives_way(self) -> bool:
-        """Whether it is silent because somebody sends pressures."""
+        """Whether the generator is silent because another node sends pressures."""
         return bool(self.p['give_way']) and self._pressures is not None and (
             0 <= self._stamp - self._pressures < _GIVEN_WAY)
 
@@ -112,10 +112,10 @@ class ReferenceGenerator(BundleNode):
             return
         self._sample_meter.tick()
         if not self.lock_step and 0 < self._stamp - stamp < _CLOCK_SET:
-            # Sensors whose stamps differ a little: references never go back in time.
+            # Stamps of sensors differ a little; stamps of references must not decrease.
             return
         self._stamp = stamp
-        # A little early is in time: samples do not come at exact multiples of the period.
+        # Slightly early is accepted: samples do not arrive at exact multiples of the period.
         if self.lock_step or not 0 <= (stamp - self._sent) * 1e-9 < 1.0 / self.p['rate'] - 2e-4:
             self._sent = stamp
             self._send(stamp)
@@ -148,7 +148,7 @@ class ReferenceGenerator(BundleNode):
         publisher.publish(write(stamp, value, rate))
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        """Take a new trajectory; one that does not make sense leaves the old one."""
+        """Take a new trajectory; after an invalid one the old one is kept."""
         profile = trajectory_profile(message, self._length)
         self._profile = profile
         self._output(profile.kind)
@@ -187,7 +187,7 @@ def trajectory_profile(message: JointTrajectory, length: float) -> Points:
     Raises
     ------
     InputError
-        When the joint is not force, strain or contraction, or the points do not fit.
+        When the joint is not force, strain or contraction, or the points are invalid.
     """
     names = list(message.joint_names)
     if len(names) != 1 or names[0] not in ('force', 'strain', 'contraction'):

@@ -19,9 +19,9 @@ from fam_bundle_ros.nodes.diagnostics import Meter, Report
 from fam_bundle_ros.nodes.doubts import ReferenceTally
 from fam_bundle_ros.nodes.references import ReferenceRate
 
-#: 1/s: no muscle contracts that fast (all of its way in 0.03 s).
+#: Largest strain rate of a reference, 1/s: full contraction in 0.03 s, faster than any muscle.
 _FASTEST = 10.0
-#: Force references that change by more than this share of the blocked force at once are steps.
+#: A change between two force references above this share of the blocked force is a step.
 _STEP = 0.02
 
 
@@ -35,12 +35,12 @@ class ReferenceIntake:
     bundle : Bundle
         For its length, its largest pressures and its blocked force.
     take : callable
-        Gets stamp (ns) and `Reference` of each message that makes sense.
+        Called with stamp (ns) and `Reference` of each valid message.
 
     Attributes
     ----------
     meter : Meter
-        Of those.
+        Rate and age of the valid messages.
     """
 
     def __init__(self, node: BundleNode, bundle: Bundle, take: Callable[[int, Reference], None]):
@@ -63,7 +63,7 @@ class ReferenceIntake:
         self._tally.report(report)
 
     def _tallied(self, read: Callable[[Any, int], Reference]) -> Callable[[Any], None]:
-        """Return a callback that counts what it takes and what it refuses."""
+        """Return a callback that counts accepted and refused references."""
         def callback(message: Any) -> None:
             stamp = interface.stamp_ns(message.header.stamp)
             try:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How references move between messages, and the rate of a force, which a wrench cannot carry."""
+"""Extrapolates references between messages, and estimates the rate of force references."""
 
 from collections import deque
 from dataclasses import replace
@@ -8,29 +8,30 @@ import math
 
 from fam_bundle_ros.control import Reference
 
-#: References that come less often than this, s, are steps.
+#: References with longer intervals than this are steps, s.
 _PAUSE = 0.5
-#: Messages late by more than this share of their interval have stopped.
+#: The messages have stopped when their age exceeds this multiple of their interval.
 _LATE = 2.0
-#: A reference is moved on for so many intervals at most.
+#: Longest extrapolation of a reference, in intervals.
 _AHEAD = 1.4
-#: Share of a new interval in their mean.
+#: Weight of a new interval in the running mean.
 _SHARE = 0.25
-#: ns: values that are further apart than this say nothing of a rate.
+#: Longest interval between values for an estimate of the rate, ns.
 _APART = 100_000_000
-#: So many values at most make a line.
+#: Largest number of values in a line fit.
 _LINE = 8
-#: sd of the stamps' jitter, as a share of their interval; slopes agree within so many sd.
+#: Standard deviation of the stamps' jitter, as a share of their interval; slopes agree within
+#: this number of standard deviations.
 _JITTER, _AGREE = 0.2, 2.0
 
 
 class ReferenceRate:
     """
-    Estimates how fast a force reference moves: a wrench has no field for the rate.
+    Estimates the rate of a force reference, as a wrench has no field for it.
 
-    Lines through the last values: the longest whose slope agrees with those of all shorter ones
-    within what jitter of the stamps explains. So a ramp is not read faster than it is, and one
-    that ends is read as ended at the next value.
+    Fits lines to the last values and uses the longest whose slope agrees with the slopes of all
+    shorter ones within the jitter of the stamps. So jitter does not change the rate of a ramp, and
+    the end of a ramp is detected at the next value.
     """
 
     def __init__(self, step: float):
@@ -53,7 +54,7 @@ class ReferenceRate:
         return self._rate
 
     def _slope(self) -> float:
-        """Return the slope of the line that is believed, N/s."""
+        """Return the slope of the longest consistent line, N/s."""
         last, value = self._values[-1]
         believed, low, high = 0.0, -math.inf, math.inf
         jitter = _JITTER * (last - self._values[0][0]) * 1e-9 / max(len(self._values) - 1, 1)
@@ -78,25 +79,25 @@ class ReferenceRate:
 
 class MovingReference:
     """
-    The last reference, moved on while the next one is under way.
+    The last reference, extrapolated along its rate until the next one arrives.
 
-    Controllers tick more often than references come: held, a ramp would be stairs. Messages do
-    not come exactly when they were meant: taken as they come, the ramp would jump with each.
+    Controllers run at a higher rate than references arrive: a ramp that is held in between would
+    become a staircase. The jitter of the messages is smoothed, or the ramp would jump with each.
 
     Attributes
     ----------
     last : Reference or None
-        As it came.
+        As received.
     """
 
     def __init__(self) -> None:
         self.last: Reference | None = None
         self._came = self._interval = 0.0
-        #: By how much the reference was ahead of the new one when that came.
+        #: Extrapolated minus new value at the arrival of the last reference.
         self._ahead = 0.0
 
     def take(self, reference: Reference, now: float) -> None:
-        """Take a reference that came ``now``, s."""
+        """Take a reference that arrived at ``now``, s."""
         interval, before = now - self._came, self.at(now)
         self._ahead = 0.0
         if (self.last and before and self._interval > 0.0 and before.kind == reference.kind
@@ -110,7 +111,7 @@ class MovingReference:
         self.last, self._came = reference, now
 
     def at(self, now: float) -> Reference | None:
-        """Return the reference of this moment: on along its rate until the next is overdue."""
+        """Return the reference at ``now`` (s), extrapolated until the next one is overdue."""
         reference, age = self.last, max(now - self._came, 0.0)
         if reference is None or reference.rate == 0.0:
             return reference

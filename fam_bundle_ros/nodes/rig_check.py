@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Does a rig speak the interface: names, types, rates, units, signs, noise."""
+"""Checks whether a rig conforms to the interface: names, types, rates, units, signs, noise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.process import Spinner, StopSignals
 from fam_bundle_ros.nodes.recording import matching_qos
 
-#: Pa: FluidPressure below this is not absolute; a motor unit at rest shows about 101 kPa.
+#: A FluidPressure below this is not absolute, Pa; a motor unit at rest shows about 101 kPa.
 _ABSOLUTE = 50e3
 #: Largest pressure, Pa gauge.
 _HIGHEST = 1.5e6
-#: Share of ambient by which a reading of it may be off: weather, height, offset of the sensor.
+#: Tolerance of a reading of ambient pressure, as a share: weather, altitude, sensor offset.
 _AMBIENT = 0.15
-#: N and 1: nearer to zero than this neither sign nor unit can be told.
+#: Force (N) and strain below which neither sign nor unit can be determined.
 _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
 _MOST_UNITS = 64
-#: s: no network delays a reading by so much; clocks do.
+#: A larger latency than this comes from clocks that differ, not from the network, s.
 _APART = 1.0
 
 
@@ -43,9 +43,9 @@ class Finding:
     ok : bool
     what : str
     detail : str
-        What was seen, and where it is not right what to do.
+        What was found, and what to do if it is wrong.
     note : bool
-        Nothing is wrong that can be seen from here: something is left to you.
+        No error was found, but the user must check something.
     """
 
     ok: bool
@@ -114,11 +114,11 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
         Rest length, for a rig that sends the contraction alone.
     ambient : float, Pa (absolute)
     gauge : bool
-        The rig is to send gauge pressure, as with the parameter ``pressure_is_gauge``.
+        The rig sends gauge pressure, as with the parameter ``pressure_is_gauge``.
     patience : float, s
-        How long the rig's topics are waited for.
+        Time-out for the topics of the rig.
     progress : callable, optional
-        Gets the seconds so far.
+        Called with the seconds so far.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
             until = partial(spinner.until, ended=lambda: signals.received)
             until(lambda: sensors <= set(node.types()), patience)
             units = max(units, _listen(node, length))
-            # A network may take seconds to bring the first message of a topic that it knows.
+            # The first message of a discovered topic may take seconds to arrive.
             until(lambda: all(node.rows.values()) or bool(node.bad),
                   begin + patience - time.monotonic())
             begin = time.monotonic()
@@ -163,7 +163,7 @@ def _listen(node: _Listener, length: float) -> int:
     readers: dict[str, Callable[[Any], float]] = {
         interface.FORCE: interface.read_force,
         interface.STRAIN: lambda m: interface.read_strain(m, length)[0],
-        # As they come: what they are is the question.
+        # Not converted: whether they are gauge or absolute is to be found out.
         **{name: lambda m: m.fluid_pressure for name in (
             interface.SUPPLY, *(interface.pressure_topic(i + 1) for i in range(units)))}}
     for topic in interface.topics(units):
@@ -231,7 +231,7 @@ def _judge_channel(name: str, rows: list[tuple[float, int, float, float]], bad: 
 
 
 def _judge_latency(name: str, latencies: np.ndarray, rate: float) -> Finding:
-    """Say how old readings are when they come, and whether the clocks can agree."""
+    """Judge the age of readings on arrival, and whether the clocks agree."""
     middle, late = np.quantile(latencies, (0.5, 0.99))
     seen = f'{1e3 * middle:.1f} ms, jitter {1e3 * (late - middle):.1f} ms'
     most = 3.0 / rate
@@ -281,7 +281,7 @@ def _judge_pressure(name: str, middle: float, noise: float, ambient: float,
     what, seen = f'{name} unit', f'{middle / 1e3:.1f} kPa, noise {noise / 1e3:.2f} kPa'
     kilo = abs(middle - ambient / 1e3) < _AMBIENT * ambient / 1e3
     if (kilo or name == interface.SUPPLY and 50.0 < middle < 3e3) and noise < 10.0:
-        # No gauge is off by just so much, and so quiet.
+        # A gauge reading in Pa would hardly have this offset and so little noise.
         return Finding(False, what, f'{middle:.1f}, noise {noise:.2f}: looks like kPa, expected '
                        'Pa')
     if gauge:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Fills in the parameter file of a rig; comments and what was not measured stay."""
+"""Fills in the parameter file of a rig; comments and values that were not measured are kept."""
 
 from collections.abc import Mapping
 import re
@@ -18,9 +18,9 @@ def fill_in(template: str, values: Mapping[str, Any], head: str) -> str:
     Parameters
     ----------
     template : str
-        A parameter file in which all parameters stand below ``/**``, one a line.
+        A parameter file with all parameters below ``/**``, one per line.
     values : mapping
-        What to put in place of what stands there; a parameter that does not stand there is added.
+        New values; a parameter that is not in the template is added.
     head : str
         Comment for the top, without ``#``.
 
@@ -53,7 +53,7 @@ def fill_in(template: str, values: Mapping[str, Any], head: str) -> str:
 
 
 def _text(value: Any) -> str:
-    """Return a value as rcl's YAML takes it: 5e-06 would be a string."""
+    """Return a value for rcl's YAML, in which 5e-06 would be a string."""
     if isinstance(value, bool):
         return 'true' if value else 'false'
     if isinstance(value, float):

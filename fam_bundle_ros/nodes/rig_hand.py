@@ -24,23 +24,23 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.supply_enable import PERIOD
 
-#: s without a reading after which a pressure is lost.
+#: Time without a reading after which a pressure is lost, s.
 _SILENCE = 0.25
-#: s that one spin takes at most.
+#: Longest duration of one spin, s.
 _SLICE = 0.01
-#: s for the last messages to reach the driver.
+#: Time for the last messages to reach the driver, s.
 _FAREWELL = 0.3
-#: A simulated rig on a busy machine is at most so many times slower than the clock.
+#: Largest slow-down of a simulated rig on a busy machine, relative to the clock.
 _SLOWEST = 10.0
 
 
 @dataclass
 class Channel:
-    """Readings of a channel, with what answered them."""
+    """Readings of a channel, with the commands that answered them."""
 
-    #: Age when it came and stamp (s), value (as it came), command that answered it.
+    #: Age on arrival and stamp (s), value (as received), command that answered the reading.
     rows: list[tuple[float, float, float, float]] = field(default_factory=list)
-    #: Steady time of the last one, s.
+    #: Steady time of the last reading, s.
     seen: float = 0.0
     #: Value at rest without air, the standard deviation of its noise, and the largest age, s.
     zero: float = 0.0
@@ -49,19 +49,19 @@ class Channel:
 
     @property
     def last(self) -> float:
-        """Return the last reading over that at rest."""
+        """Last reading minus the value at rest."""
         return self.rows[-1][2] - self.zero if self.rows else math.nan
 
     def since(self, start: int) -> np.ndarray:
-        """Return the rows from one on, shape (T, 4)."""
+        """Return the rows from index ``start``, shape (T, 4)."""
         return np.array(self.rows[start:]).reshape(-1, 4)
 
     def level(self, count: int = 10) -> float:
-        """Return the median of the last readings over that at rest."""
+        """Return the median of the last ``count`` readings minus the value at rest."""
         return float(np.median([row[2] for row in self.rows[-count:]])) - self.zero
 
     def rest(self) -> None:
-        """Take what has come so far for readings at rest."""
+        """Use the readings so far as readings at rest."""
         values = np.array([row[2] for row in self.rows])
         self.zero = float(np.median(values))
         self.noise = float(np.std(values)) if len(values) > 1 else 0.0
@@ -69,7 +69,7 @@ class Channel:
 
 
 class Vented(Exception):
-    """Everything had to be vented; the text says why."""
+    """All units were vented, for the reason in the text."""
 
 
 class Hand(BundleNode):
@@ -86,7 +86,7 @@ class Hand(BundleNode):
 
     Attributes
     ----------
-    pressure : list of Channel (n,), Pa as they come
+    pressure : list of Channel (n,), Pa as received
     force, strain, supply : Channel
     command : list (n,)
         For each valve; None, as at first, to publish nothing.
@@ -97,7 +97,7 @@ class Hand(BundleNode):
     most_force : float, N
         Change of the force at which everything is vented.
     trouble : str
-        Why everything was vented; empty while nothing is wrong.
+        Why everything was vented; empty before.
     """
 
     def __init__(self, context: Context, namespace: str, units: int, length: float):
@@ -124,7 +124,7 @@ class Hand(BundleNode):
         self.every(0.5 * PERIOD, self._beat)
 
     def others(self) -> list[str]:
-        """Return topics that another node publishes too: a controller is running."""
+        """Return topics with other publishers, which show that a controller is running."""
         names = [interface.SUPPLY_ENABLE, *(interface.valve_topic(i + 1)
                                             for i in range(len(self.pressure)))]
         return [name for name in names if self.publisher_count(name) > 1]
@@ -140,10 +140,10 @@ class Hand(BundleNode):
         self._beat()
 
     def vent(self, why: str) -> None:
-        """Cut the supply and exhaust everything; the first reason stays."""
+        """Cut the supply and exhaust everything; the first reason is kept."""
         self.trouble = self.trouble or why
         if not self._acting:
-            # A controller may be at work: publish nothing.
+            # A controller may be running: publish nothing.
             return
         self.command = [-1.0] * len(self.command)
         self.permit(False)
@@ -210,16 +210,16 @@ class Session:
 
     def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
         """
-        Go on for some time; return whether ``until`` came true.
+        Spin for some time (s); return whether ``until`` became true.
 
-        It is the rig's time, of the stamps of its pressures: a simulated rig falls behind the
-        clock on a busy machine, and what it does in a time is told by its own. Before there are
-        stamps, and for a rig that is slower than any (or whose stamps stand still), the clock's.
+        The time is that of the pressure stamps, as a simulated rig falls behind the clock on a
+        busy machine. The clock is used before the first stamp, and for a rig that is slower than
+        `_SLOWEST` allows or whose stamps do not advance.
 
         Raises
         ------
         Vented
-            When the hand had to vent: it says why.
+            When the hand had to vent, with the reason.
         """
         begin, stamp = time.monotonic(), self._stamp()
 

@@ -43,7 +43,7 @@ _LOADS: dict[str, tuple[type[Load], dict[str, str]]] = {
 LOAD = (
     Spec('load.kind', 'mass_spring', 'what the bundle pulls on', choices=tuple(_LOADS)),
     Spec('load.profile', '', 'trajectory file (quantity strain) that the dynamometer imposes'),
-    Spec('load.repeat', False, 'the dynamometer begins the profile anew at its end'),
+    Spec('load.repeat', False, 'the dynamometer repeats the profile'),
     Spec('load.strain', 0.1, 'strain that the dynamometer holds', -0.15, 0.5, dynamic=True),
     Spec('load.speed', 1.0, 'largest strain rate of the dynamometer, 1/s', 1e-4, 100.0,
          dynamic=True),
@@ -84,17 +84,17 @@ RIG = (
          1.0, 1e12),
     Spec('valve.conductance', ValveConfig().conductance, 'sonic conductance, m^3/(s Pa)',
          1e-12, 1e-5),
-    Spec('valve.dead_band', ValveConfig().dead_band, 'command that does not open the valve',
-         0.0, 0.9),
+    Spec('valve.dead_band', ValveConfig().dead_band, 'largest command that does not open the '
+         'valve', 0.0, 0.9),
     Spec('valve.bandwidth', ValveConfig().bandwidth, 'of the spool, Hz', 1.0, 1e4),
     Spec('valve.hysteresis', 0.0, 'backlash between command and spool', 0.0, 0.5),
     Spec('valve.delay', 0.0, 'dead time of the commands, s', 0.0, 1.0),
-    Spec('chamber.line_volume', 0.0, 'of the tube, at the valve with the pressure sensor before '
-         'a restriction, m^3; 0 for one pressure', 0.0, ChamberConfig().tube_volume),
+    Spec('chamber.line_volume', 0.0, 'volume of the tube between valve and restriction, with the '
+         'pressure sensor, m^3; 0 for one pressure', 0.0, ChamberConfig().tube_volume),
     Spec('chamber.line_conductance', ChamberConfig().line_conductance,
          'sonic conductance of that restriction, m^3/(s Pa)', 1e-12, 1e-5),
     Spec('chamber.relief_pressure', ChamberConfig().relief_pressure,
-         'at which the relief valves are open, Pa gauge', 1e3, 1.5e6),
+         'opening pressure of the relief valves, Pa gauge', 1e3, 1.5e6),
     Spec('trip_pressure', RigConfig().trip_pressure,
          'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
 )
@@ -112,7 +112,7 @@ def load_change(kind: str, changes: dict[str, Any]) -> dict[str, float]:
 
 
 def load_model_parameters(load: Load, length: float) -> dict[str, float]:
-    """Return what a user would tell the controller of a load, on a bundle of a rest length."""
+    """Return the load's parameters for the controller, for a rest length (m) of the bundle."""
     known = load_model_of(load, length)
     force, stiffness = _line(known)
     return {'load_model.force': force, 'load_model.stiffness': stiffness,
@@ -121,17 +121,17 @@ def load_model_parameters(load: Load, length: float) -> dict[str, float]:
 
 
 def _line(known: LoadModel) -> tuple[float, float]:
-    """Return force at zero strain and stiffness, N, fitted to a table: parameters are numbers."""
+    """Return force at zero strain and stiffness (N) of a load; of a table, the line fit."""
     if not known.table:
         return float(known.force), float(known.stiffness)
     strain, force = np.array(known.table).T
-    # The parameters take nothing below zero, nor does a fit that is zero but for rounding.
+    # The parameters must not be negative; a fit of zero may be, by rounding.
     slope = max(float(np.polyfit(strain, force, 1)[0]), 0.0)
     return max(float(np.mean(force - slope * strain)), 0.0), slope
 
 
 def pressure_parameters(bundle: Bundle) -> dict[str, float]:
-    """Return supply, trip and relief valves of a simulated rig that a bundle needs higher."""
+    """Return supply, trip and relief pressures that a bundle needs above the defaults, Pa."""
     rig = rig_for(bundle)
     if rig == RigConfig():
         return {}

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Opens the valves of a rig one at a time, at low pressure, and says what is right and wrong.
+Opens the valves of a rig one at a time, at low pressure, and reports what is right and wrong.
 
-Checked first, with hardly any air: does the air stay out while all valves are shut, does an
-exhaust fill. Then each motor unit: which reading rises at which command, how fast,
-up to what, whether it empties when commands stop. Whatever does not fit ends it with all vented.
+First, with hardly any air: do pressures stay low while all valves are shut, and does any exhaust
+fill. Then for each motor unit: which reading rises at which command, how fast, up to what, and
+whether the unit empties when commands stop. A failure ends the check with all units vented.
 """
 
 from collections.abc import Callable
@@ -21,15 +21,16 @@ from fam_bundle_ros.nodes.process import Spinner, StopSignals
 from fam_bundle_ros.nodes.rig_hand import Channel, Hand, Session, Vented
 from fam_bundle_ros.nodes.rig_unit import COME_UP, Probe, UnitProbe
 
-#: Pa: with less no motion can be told from friction and noise.
+#: Smallest supply at which motion stands out from friction and noise, Pa.
 _LEAST = 40e3
-#: Readings above the supply by this share and this much (Pa) more are no readings of this supply.
+#: A reading above the supply by more than this share plus this offset (Pa) is wrong.
 _OVER, _OVER_MORE = 0.3, 10e3
-#: s that valves get to shut once there is permission; share of the supply that is no first gulp.
+#: Time for the valves to shut after `supply_enable`, s; share of the supply above which a pressure
+#: is more than the air that entered before.
 _SHUT, _OPEN = 0.15, 0.8
-#: s: readings that are older come by clocks that disagree.
+#: Readings older than this mean that the clocks disagree, s.
 _AGREE = 0.1
-#: s of readings at rest; what a spool adds to the dead time (`PressurePid`).
+#: Duration of the readings at rest, and lag of the spool beside the dead time (`PressurePid`), s.
 _REST_TIME, _SPOOL = 0.6, 2e-3
 
 
@@ -38,25 +39,25 @@ def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMES
               patience: float = 5.0, progress: Callable[[float, str], None] = (
                   lambda share, what: None)) -> Probe:
     """
-    Open the valves of a rig and return what is right and wrong, and parameters for controllers.
+    Open the valves of a rig; return what is right and wrong, and parameters for the controllers.
 
     Nobody may be near the rig. The supply must be low; no controller may run.
 
     Parameters
     ----------
     bundle : Bundle
-        Its gas volumes make a conductance of what pressures show.
+        Its gas volumes convert pressure rates to a conductance.
     supply : float, Pa (gauge)
-        What the regulator is set to now.
+        Present setting of the regulator.
     namespace : str
     tube_volume : float, m^3
-        Of each motor unit, by ruler; where gas volumes differ it is found.
+        Of each motor unit, from its dimensions; identified if the gas volumes differ.
     ambient : float, Pa (absolute)
     domain : int, optional
     patience : float, s
-        How long the rig's topics are waited for.
+        Time-out for the topics of the rig.
     progress : callable
-        Gets the share that is done, and what is done next.
+        Called with the share that is done, and the next step.
 
     Raises
     ------
@@ -98,7 +99,7 @@ class _Work:
         self._bundle, self._supply, self._ambient = bundle, supply, ambient
         self._unit = UnitProbe(session, result, bundle, supply, tube_volume, ambient)
         self._tube, self._progress = tube_volume, progress
-        #: By motor unit, from 0; those that went through.
+        #: Fitted valves by motor unit, from 0; only of units that passed.
         self._fits: dict[int, ValveFit] = {}
         self._units = range(bundle.n)
 
@@ -145,7 +146,7 @@ class _Work:
                 channel.rest()
         most = (1.0 + _OVER) * self._supply
         hand.limit = most + _OVER_MORE
-        # All that the model can make of this supply, and as much again for its error.
+        # Twice the largest force of the model at this supply, for the error of the model.
         hand.most_force = 20.0 + 2.0 * float(self._bundle.blocked_force(
             [most] * len(self._units)))
         hand.command = [0.0] * len(self._units)
@@ -171,14 +172,14 @@ class _Work:
                 self._unit.left_out.add(i)
 
     def _above_ambient(self, channel: Channel) -> float:
-        """Return the gauge pressure that a channel showed at rest, Pa: a shut line may hold it."""
+        """Return the gauge pressure of a channel at rest, Pa; not 0 if a shut line holds air."""
         absolute = self._hand.pressure[0].zero > 0.5 * self._ambient
         return channel.zero - (self._ambient if absolute else 0.0)
 
-    # --- what controllers are told -------------------------------------------------------------
+    # --- parameters for the controllers --------------------------------------------------------
 
     def _sum_up(self) -> None:
-        """Make parameters of what was measured."""
+        """Compute the parameters from the measurements."""
         hand, fits = self._hand, list(self._fits.values())
         tube, gas = self._tube, [self._unit.gas(i) for i in self._units]
         conductance = float(np.mean([fit.conductance for fit in fits]))
@@ -202,7 +203,7 @@ class _Work:
             'tube_volume': float(f'{tube:.3g}'),
             'volume': float(f'{np.mean(gas) + tube:.3g}'),
             'transport_delay': round(max(max(fit.delay for fit in fits) - _SPOOL, 0.0), 4),
-            # An instrument without noise: what its resolution may hide.
+            # At least 100 Pa, for the resolution of an instrument without noise.
             'quiet_error': round(max(3.0 * noise, 100.0), 0)}
         if noise == 0.0:
             parameters['stuck_time'] = 0.0
@@ -210,7 +211,7 @@ class _Work:
         self._tune(rate)
 
     def _judge_age(self, rate: float) -> None:
-        """Say how old readings may be where three samples are not enough."""
+        """Set the largest age of readings if three samples are not enough."""
         late = max((c.late for c in (*self._hand.pressure, self._hand.force, self._hand.strain)),
                    key=abs)
         if abs(late) <= 2.0 / rate:
@@ -223,7 +224,7 @@ class _Work:
                             'the clocks disagree, clocks_synchronised is false'), note=True)
 
     def _tune(self, rate: float) -> None:
-        """Choose gains for what was measured; messages may be late by a sample besides."""
+        """Tune the gains for the measured dead time, or one sample if that is longer."""
         from fam_bundle_ros.control.tuning import tune
         parameters = self._result.parameters
         delay = max(parameters['transport_delay'], 1.0 / rate)

@@ -3,8 +3,8 @@
 """
 One motor unit of a rig, probed with air at low pressure: the steps of `check-rig --active`.
 
-Which reading rises at which command, how fast, up to what; whether it stays tight, and empties
-when commands stop. Whatever does not fit is a finding, and ends with the air out.
+Which reading rises at which command, how fast, up to what; whether the unit is tight, and empties
+when commands stop. A failure is reported as a finding, and the unit is emptied.
 """
 
 from dataclasses import dataclass, field
@@ -18,28 +18,28 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes.rig_check import Finding
 from fam_bundle_ros.nodes.rig_hand import Channel, Session
 
-#: Share of the supply, and of the noise's standard deviation, by which a reading has to rise.
+#: A reading has risen by more than these multiples of supply and noise standard deviation.
 _RISE, _RISE_NOISE = 0.04, 6.0
-#: Shares by which a full reading may differ from the supply.
+#: Tolerated relative difference of a full reading from the supply.
 _SCALE = 0.15
-#: Steps of the staircase: command or share of it, s that each lasts, and where it ends.
+#: Staircase of commands: absolute and relative step, duration of a step (s), last command.
 _STAIR, _STAIR_SHARE, _STAIR_TIME, _STAIR_TOP = 0.01, 0.1, 0.04, 0.6
-#: Commands of the pulses beyond the first that moved air; s of a stroke at most, and of the rest.
+#: Commands of the pulses above the first that moved air; longest pulse and pause after it, s.
 _BEYOND = (0.02, 0.04, 0.08, 0.16)
 _STROKE, _REST = 0.12, 0.06
 #: Shares of the supply between which pulses go.
 _LOW, _HIGH = 0.25, 0.65
-#: Share of the supply that the law of the valve may leave.
+#: Tolerated residual of the valve law, as a share of the supply.
 _MISFIT = 0.03
-#: s for which a shut valve is watched; share lost in a second that plausibility takes for a fault.
+#: Time for which a shut valve is observed, s; share of the pressure per second that is a leak.
 _HOLD, _LEAK = 0.2, 1.0
-#: s, for which commands are silent (a driver vents after 0.1, docs/how_to/driver.md) and the most
-#: that is accepted; the same for the permission (0.5).
+#: Duration of silent commands, and largest accepted delay of the driver's venting, s (0.1 in
+#: docs/how_to/driver.md); the same for supply_enable (0.5).
 _MUTE, _MUTE_MOST, _PERMISSION_MUTE, _PERMISSION_MOST = 0.6, 0.25, 1.2, 0.8
-#: What a driver may have multiplied a pressure by.
+#: Factors of likely unit errors of a driver.
 _FACTORS = {1e-3: 'kPa', 1e-5: 'bar', 1.0 / 6894.757: 'psi', 1e-2: 'mbar', 0.5: 'half of it',
             2.0: 'twice it'}
-#: s that the supply gets to come up, a full motor unit to settle, and to empty.
+#: Times for the supply to rise, a full motor unit to settle, and to empty, s.
 COME_UP, _FILL, _EMPTY = 0.4, 1.0, 2.0
 
 
@@ -52,7 +52,7 @@ class Probe:
     ----------
     findings : list of Finding
     parameters : dict
-        Of the controllers, by what was measured; empty where something failed.
+        Measured parameters of the controllers; empty if a check failed.
     """
 
     findings: list[Finding] = field(default_factory=list)
@@ -71,7 +71,7 @@ class UnitProbe:
     ----------
     session : Session
     result : Probe
-        Gets the findings.
+        Receives the findings.
     bundle : Bundle
     supply, ambient : float, Pa (gauge), Pa (absolute)
     tube_volume : float, m^3
@@ -79,9 +79,9 @@ class UnitProbe:
     Attributes
     ----------
     left_out : set of int
-        Motor units (from 0) that hold air for a reason that is known.
+        Motor units (from 0) that hold air for a known reason.
     loss : dict
-        Share of its pressure that a shut motor unit loses in a second.
+        Share of the pressure that each shut motor unit loses in a second.
     """
 
     def __init__(self, session: Session, result: Probe, bundle: Bundle, supply: float,
@@ -94,7 +94,7 @@ class UnitProbe:
         self.loss: dict[int, float] = {}
 
     def rise(self, channel: Channel) -> float:
-        """Return by how much a pressure has to rise to have risen, Pa."""
+        """Return the threshold above which a pressure has risen, Pa."""
         return max(_RISE * self._supply, _RISE_NOISE * channel.noise)
 
     def risen(self) -> list[int]:
@@ -125,7 +125,7 @@ class UnitProbe:
         return ' and '.join(f'mu{i + 1}' for i in units)
 
     def _dump(self) -> None:
-        """Let all air out by the supply, whichever way the valves go, and open it again."""
+        """Empty all units through the supply, for valves of either sign, then open it again."""
         self._hand.permit(False)
         self._hand.command = [0.0] * len(self._units)
         emptied = self._session.wait(_EMPTY, lambda: not self.risen())
@@ -162,13 +162,13 @@ class UnitProbe:
         return fit
 
     def gas(self, unit: int) -> float:
-        """Return the muscles' gas volume at this strain, m^3."""
+        """Return the gas volume of the unit's muscles at the measured strain, m^3."""
         strain = self._hand.strain
         shown = float(strain.rows[-1][2]) if strain.rows else 0.0
         return float(self._bundle.gas_volume(shown if np.isfinite(shown) else 0.0)[unit])
 
     def _first_air(self, unit: int) -> float | None:
-        """Open more and more until a pressure rises; return the command, None where none does."""
+        """Increase the command until a pressure rises; return it, None if none rises."""
         command, name = 0.0, f'mu{unit + 1}'
         while not (risen := self.risen()) and command < _STAIR_TOP:
             command += max(_STAIR, _STAIR_SHARE * command)
@@ -203,7 +203,7 @@ class UnitProbe:
         return blocks[1:]
 
     def _fill(self, unit: int, first: float) -> float | None:
-        """Fill to the supply: what is shown then is its scale; so are the signs of the load."""
+        """Fill to the supply; check the scale of the pressure and the signs of the load."""
         hand, name, channel = self._hand, f'mu{unit + 1}', self._hand.pressure[unit]
         before = tuple(c.level() if c.rows else np.nan for c in (hand.force, hand.strain))
         self._tell(unit, min(first + 0.3, 1.0))
@@ -230,7 +230,7 @@ class UnitProbe:
         return None
 
     def _judge_load(self, unit: int, force: float, strain: float, full: float) -> None:
-        """Hold changes of force and strain against those of a muscle that fills."""
+        """Compare the changes of force and strain with those of a muscle that fills."""
         hand, name = self._hand, f'mu{unit + 1}'
         if not (hand.force.rows and hand.strain.rows):
             return
@@ -256,7 +256,7 @@ class UnitProbe:
             self._result.say(True, f'{name} force', text)
 
     def _answers_silence(self, unit: int) -> None:
-        """Say nothing to one valve: the driver has to exhaust it."""
+        """Send no commands to one valve: the driver must exhaust it."""
         channel, name = self._hand.pressure[unit], f'mu{unit + 1}'
         self._tell(unit, 0.0)
         self._session.wait(_REST)

@@ -3,10 +3,10 @@
 """
 Samples of a rig for recruitment and monitor: force, strain and pressures brought together.
 
-In lock-step a sample is complete when every channel carries its stamp. In wall time it is
-complete when every channel has sent anew; the owner's timer takes what there is when a channel
-is slower or silent. The work on it waits until the process has dealt with all messages that are
-there already: pressure loops in the same process answer first.
+In lock-step a sample is complete when every channel has its stamp. In wall time it is complete
+when every channel has a new value; if a channel is slower or silent, the owner's timer takes the
+available values. A sample is processed after all messages that are already queued, so that
+pressure loops in the same process answer first.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ from fam_bundle_ros.nodes.diagnostics import Meter, Report
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.parameters import Spec
 
-#: Hz, of the low-pass behind a strain that comes without velocity.
+#: Cut-off of the low-pass for the differentiated strain, Hz.
 _RATE_CUTOFF = 20.0
 
 SPECS = (
@@ -48,7 +48,7 @@ class Sample:
     extra : dict
         Values of further channels (lock-step only).
     silent : bool
-        Nothing new is in it: time passes and nobody sends.
+        Whether it has no new value: time has passed without messages.
     """
 
     stamp: int
@@ -61,14 +61,14 @@ class Sample:
 
 
 class StrainRate:
-    """Differentiates a strain that comes without velocity, behind a low-pass."""
+    """Differentiates a strain without velocity, with a low-pass."""
 
     def __init__(self) -> None:
         self._last: tuple[int, float] | None = None
         self._rate = 0.0
 
     def update(self, stamp: int, strain: float) -> float:
-        """Return the rate, 1/s; afresh after a reading that was no number."""
+        """Return the rate, 1/s; restarts after a reading that is not finite."""
         if not math.isfinite(strain):
             self._last = None
             return math.nan
@@ -94,18 +94,17 @@ class Sensing:
     length : float, m
         Rest length of the bundle.
     on_sample : callable
-        Gets each complete `Sample`.
+        Called with each complete `Sample`.
     extra : sequence of str
-        Channels besides the sensors that a sample has to wait for in lock-step; they are fed
-        with `put`.
+        Further channels for which a sample waits in lock-step; their values come by `put`.
     on_pressure : callable, optional
-        In wall time it gets motor unit (from 0) and gauge pressure as soon as they come: what is
-        urgent does not wait for the other channels.
+        In wall time, called at once with motor unit (from 0) and gauge pressure of each message,
+        for checks that must not wait for the other channels.
 
     Attributes
     ----------
     latency : dict
-        How old the last reading of each channel was when it came, s (wall time only).
+        Age on arrival of the last reading of each channel, s (wall time only).
     """
 
     def __init__(self, node: BundleNode, units: int, length: float,
@@ -118,7 +117,7 @@ class Sensing:
         self._on_sample = on_sample
         self._extra = tuple(extra) if node.lock_step else ()
         sensors = ['force', 'strain', *(f'mu{i + 1}' for i in range(units))]
-        #: How often and when each channel came.
+        #: Rate and age of each channel.
         self.meters = {name: Meter() for name in sensors}
         self.latency = dict.fromkeys(sensors, 0.0)
         self._latest: dict[str, tuple[int, Any]] = {}
@@ -128,10 +127,10 @@ class Sensing:
         self._rate = StrainRate()
         self._last_sample = time.monotonic()
         self._stamp = -1
-        #: Fires once after it is reset, behind all that waits: what else could be put there,
-        #: `Executor.create_task`, crashes Python when an exception leaves it. With a clock of its
-        #: own: a reset calls all timers of the clock that are due once more, and each such call
-        #: puts the next one off by a period.
+        #: Fires once after a reset, after all queued messages. `Executor.create_task` would do
+        #: the same, but crashes Python when a task raises. The timer has its own clock, as a reset
+        #: calls all due timers of its clock once more, and each such call delays their next one by
+        #: a period.
         self._due = node.create_timer(1e-9, self._complete_fresh,
                                       clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._due.cancel()
@@ -142,7 +141,7 @@ class Sensing:
                          partial(self._read_pressure, i))
 
     def check_time(self) -> None:
-        """Call this from a timer: nothing else runs while the rig is silent."""
+        """Detect missing channels; call this from a timer, for a rig that is silent."""
         now = time.monotonic()
         if self._node.lock_step:
             if (self._gate.begun and self._gate.missing
@@ -217,7 +216,7 @@ class Sensing:
             {name: gate.value(name) for name in self._extra}))
 
     def _complete(self, silent: bool = False) -> None:
-        # A silent channel whose clock runs ahead must not hold the time of the others up.
+        # Only new values: a silent channel whose clock is ahead must not stop the time.
         stamp = self._stamp = max((self._latest[name][0] for name in self._fresh),
                                   default=self._stamp)
         self._fresh.clear()

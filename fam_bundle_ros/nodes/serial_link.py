@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A port that is opened again whenever it is lost: a serial port, or TCP. No ROS.
+A serial port or TCP connection that is opened again after it is lost. No ROS.
 
 One thread opens and reads; the caller never waits for the port.
 """
@@ -17,9 +17,9 @@ from typing import Any
 
 from fam_bundle_ros.errors import InputError
 
-#: s. Bounds how late the thread sees that it is to end.
+#: Longest delay until the thread notices its end, s.
 _SLICE = 0.05
-#: s in which the last line must be on its way.
+#: Time-out of sending the last line, s.
 _FAREWELL = 0.2
 _CHUNK = 4096
 
@@ -57,14 +57,14 @@ class SerialLink:
     baud : int
         Of a serial port.
     on_event : callable
-        Gets an `Event`; called in the thread of the link.
+        Called with an `Event` in the thread of the link.
     retry : float, s
-        Between two attempts to open.
+        Time between two attempts to open.
 
     Raises
     ------
     InputError
-        When pyserial is not installed, or knows no such kind of port.
+        When pyserial is not installed, or does not know this kind of port.
     """
 
     def __init__(self, url: str, baud: int, on_event: Callable[[Event], None], retry: float):
@@ -90,14 +90,14 @@ class SerialLink:
             port = self._port
             if port is None:
                 return False
-            # The end of a line that went out in part spoils no more than that line.
+            # After an incomplete line, a line feed first: only the incomplete line is lost.
             data = b'\n' + line if self._torn else line
             try:
                 if _has_file(port) and not select.select([], [port], [], 0.0)[1]:
                     return False
                 written = port.write(data)
             except Exception:
-                # The reading thread sees it too, and opens the port anew.
+                # The reading thread gets an error too, and reopens the port.
                 return False
             self._torn = written is not None and written < len(data)
             return not self._torn
@@ -114,7 +114,7 @@ class SerialLink:
             self._thread.join(2.0 * _FAREWELL)
 
     def _new_port(self) -> Any:
-        """Return the port, not open yet."""
+        """Return a port that is not open yet."""
         try:
             import serial
         except ImportError:
@@ -126,7 +126,7 @@ class SerialLink:
         except ValueError as error:
             raise InputError(f"parameter url is '{self._url}'; expected a serial port as "
                              f'/dev/ttyACM0, or socket://host:port ({error})') from None
-        # Two programs on one board would each get half of the lines.
+        # Two programs on one port would each get part of the lines.
         port.exclusive = True
         return port
 
@@ -137,7 +137,7 @@ class SerialLink:
                 port.open()
                 _prepare(port)
             except Exception as error:
-                # Drivers and URL handlers raise many kinds of errors; the thread has to go on.
+                # Drivers and URL handlers raise many kinds of errors; the thread must continue.
                 self._tell('failed', reason=_reason(error))
                 self._ending.wait(self._retry)
                 continue
@@ -166,7 +166,7 @@ class SerialLink:
 
 
 def _read(port: Any) -> bytes:
-    """Return what has come, after a short wait for something."""
+    """Return the received bytes, after a short wait."""
     if _has_file(port):
         ready = select.select([port], [], [], _SLICE)[0]
         return bytes(port.read(_CHUNK)) if ready else b''
@@ -182,11 +182,11 @@ def _has_file(port: Any) -> bool:
 
 def _prepare(port: Any) -> None:
     if not _has_file(port):
-        # Nothing says when such a port is ready: bound how long it may take.
+        # `select` does not support such a port: limit the waiting time.
         port.timeout = port.write_timeout = _SLICE
     elif str(port.portstr).startswith('socket:'):
-        # The algorithm of Nagle would hold commands back by 40 ms, and pyserial has no option
-        # for it; the copy of the descriptor is the same socket.
+        # Nagle's algorithm would delay commands by 40 ms, and pyserial has no option against it;
+        # the duplicated descriptor is the same socket.
         with socket.socket(fileno=os.dup(port.fileno())) as same:
             same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 

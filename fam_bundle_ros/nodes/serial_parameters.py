@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""serial_rig as ROS parameters, and the scales between the numbers of a board and SI units."""
+"""Parameters of serial_rig, and the conversion of a board's numbers to SI units."""
 
 from dataclasses import dataclass
 import math
@@ -10,25 +10,25 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.parameters import Spec
 from fam_bundle_ros.nodes.serial_protocol import BoardSample
 
-#: Of the protocol; a line has to stay below its longest.
+#: Largest number of motor units of the protocol, limited by the length of a line.
 MOST_UNITS = 16
 
 UNITS = Spec('units', 2, 'motor units of the rig', 1, MOST_UNITS)
 SPECS = (
     UNITS,
     Spec('url', '/dev/ttyACM0', 'serial port, or socket://host:port'),
-    Spec('baud', 115200, 'of a serial port; USB CDC takes no notice of it', 300, 12_000_000),
-    Spec('reconnect_interval', 0.5, 'between two attempts to open the port, s', 0.05, 60.0),
-    Spec('board_timeout', 0.5, 'a board that is silent for so long is lost: stopped until '
+    Spec('baud', 115200, 'baud rate of a serial port; ignored by USB CDC', 300, 12_000_000),
+    Spec('reconnect_interval', 0.5, 'time between two attempts to open the port, s', 0.05, 60.0),
+    Spec('board_timeout', 0.5, 'silence after which a board is lost and the rig stopped until '
          'e_stop_reset, s', 0.05, 10.0),
     Spec('command_timeout', 0.1, 'a motor unit without a fresh command is vented, s',
          0.01, 10.0),
-    Spec('supply_timeout', 0.5, 'the supply is shut and dumped when supply_enable is silent for '
-         'so long, s', 0.15, 1.0),
+    Spec('supply_timeout', 0.5, 'silence of supply_enable after which the supply is shut and '
+         'dumped, s', 0.15, 1.0),
     Spec('start_stopped', True, 'start with the emergency stop on, as rigs do'),
     Spec('trip_pressure', 450e3, 'a motor unit above it stops the rig, Pa gauge', 1e3, 1.5e6),
-    Spec('board_sends_gauge', True, 'the pressures of the board are gauge, else absolute, after '
-         'scale and offset; the topics are absolute always'),
+    Spec('board_sends_gauge', True, 'the pressures of the board after scale and offset are gauge, '
+         'else absolute; the topics are always absolute'),
 )
 _CHANNELS = {'force': ('N', 1.0), 'contraction': ('m', 1e-3), 'supply': ('Pa', 1e3)}
 
@@ -37,9 +37,9 @@ def scale_specs(units: int) -> tuple[Spec, ...]:
     """Return scale and offset of every channel; by default a board sends N, mm and kPa."""
     channels = {**_CHANNELS, **{f'mu{i + 1}': ('Pa', 1e3) for i in range(units)}}
     return tuple(spec for name, (unit, scale) in channels.items() for spec in (
-        Spec(f'{name}.scale', scale, f'{unit} per number of the board; negative turns the sign',
+        Spec(f'{name}.scale', scale, f'{unit} per unit of the board; negative to invert the sign',
              -1e9, 1e9),
-        Spec(f'{name}.offset', 0.0, f'{unit} where the board says 0', -1e7, 1e7)))
+        Spec(f'{name}.offset', 0.0, f'{unit} at a value of 0 from the board', -1e7, 1e7)))
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Readings:
 
 class Scales:
     """
-    Turns a board's numbers into SI units: ``scale * number + offset``.
+    Converts a board's numbers to SI units: ``scale * number + offset``.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Scales:
     Raises
     ------
     InputError
-        When a scale is 0: the channel would be dead.
+        When a scale is 0 or not finite.
     """
 
     def __init__(self, values: dict[str, Any], units: int):
@@ -89,7 +89,7 @@ class Scales:
         self._units = units
 
     def readings(self, sample: BoardSample) -> Readings:
-        """Return a sample of as many motor units as there are scales."""
+        """Return a sample in SI units."""
         supply = sample.supply
         return Readings(
             self._read('force', sample.force), self._read('contraction', sample.contraction),

@@ -6,8 +6,8 @@ The line protocol between serial_rig and a microcontroller. No ROS, no port.
 Described for users in docs/how_to/serial_rig.md.
 
 A line is ``body*CRC`` and a line feed: comma separated ASCII, and the CRC-16/CCITT-FALSE of the
-body in four hexadecimal digits. What does not match its CRC, or is not exactly what the protocol
-says, is garbled and worth nothing.
+body in four hexadecimal digits. A line that does not match its CRC or the protocol is garbled and
+is not used.
 """
 
 import binascii
@@ -15,15 +15,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import re
 
-#: Of the protocol. A board that speaks another one gets no commands.
+#: Version of the protocol. A board with another version gets no commands.
 VERSION = 1
-#: s. A board cuts the supply and vents when no valid command came for so long.
+#: Time without a valid command after which a board cuts the supply and vents, s.
 BOARD_TIMEOUT = 0.2
 #: Bytes; a longer line is garbled.
 LONGEST = 512
 #: Valve command that opens a valve fully.
 FULL = 1000
-#: Counters and the board's clock are of 32 bit.
+#: Counters and the board's clock have 32 bits.
 WRAP = 2**32
 #: Code of the board: its own pressure limit was exceeded.
 OVER_PRESSURE = 4
@@ -42,7 +42,7 @@ _FIXED = 9
 
 
 class GarbledLineError(ValueError):
-    """A line that is not what the protocol says; the message says why."""
+    """A line that does not conform to the protocol, for the reason in the message."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class Hello:
     Attributes
     ----------
     version : int
-        Of the protocol that it speaks.
+        Version of the board's protocol.
     units : int
-        Motor units that it has; 0 where the version is not ours.
+        Number of motor units; 0 if the version differs from `VERSION`.
     name : str
         Free text.
     """
@@ -73,9 +73,9 @@ class BoardSample:
     Attributes
     ----------
     number : int
-        Counts the lines that the board has sent.
+        Counter of the lines that the board has sent.
     time : int, us
-        The board's clock when it read its sensors; wraps at 2^32.
+        The board's clock when the sensors were read; wraps at 2^32.
     command : int
         Number of the last valid command; 0 for none yet.
     stop : bool
@@ -154,7 +154,7 @@ def command_line(number: int, time: int, supply: bool, stop: bool,
 
 def read_line(line: bytes) -> Hello | BoardSample:
     """
-    Return what a line of the board says.
+    Return the content of a line of the board.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def _count(text: str) -> int:
 
 
 def _number(text: str) -> float:
-    # float() alone would take 1_0, blanks and infinity.
+    # float() alone would accept 1_0, blanks and infinity.
     if not _NUMBER.fullmatch(text):
         raise GarbledLineError(f'{text!r} is no number')
     return float(text)
@@ -217,7 +217,7 @@ def _number(text: str) -> float:
 
 class LineSplitter:
     r"""
-    Cuts what comes from a port into lines, however it is cut on the way.
+    Splits the bytes from a port into lines; a line may arrive in several parts.
 
     Attributes
     ----------

@@ -1,12 +1,12 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Node serial_rig: the driver of a rig whose valves and sensors hang on a microcontroller.
+Node serial_rig: the driver of a rig whose valves and sensors are connected to a microcontroller.
 
-It speaks the line protocol of docs/how_to/serial_rig.md over a serial port or TCP, and keeps the
-contract of docs/how_to/driver.md: readings with the time at which they were taken, valves that
-exhaust when commands stay away, a supply that is open only while `supply_enable` says so. A board
-that is lost, restarts, or trips stops the rig until `e_stop_reset`.
+It uses the line protocol of docs/how_to/serial_rig.md over a serial port or TCP, and satisfies
+docs/how_to/driver.md: readings have the time at which they were taken, valves exhaust without
+commands, and the supply is open only while `supply_enable` is true. A board that is lost,
+restarts, or trips stops the rig until `e_stop_reset`.
 """
 
 from collections import deque
@@ -33,11 +33,11 @@ from fam_bundle_ros.nodes.serial_link import Event, SerialLink
 from fam_bundle_ros.nodes.serial_parameters import Readings, scale_specs, Scales, SPECS, UNITS
 from fam_bundle_ros.nodes.serial_protocol import AIR, command_line, hello_line, OVER_PRESSURE
 
-#: s. Longest time without a command to the board, a tenth of what it stands.
+#: Longest time without a command to the board, s: a tenth of the board's time-out.
 _HEARTBEAT = 0.02
-#: s. Commands are not sent closer together than this, however fast they come.
+#: Shortest time between two commands to the board, s.
 _CLOSEST = 0.4e-3
-#: s. Two readings of clocks that are further apart do not belong together.
+#: Longest time between two clock readings that are used as simultaneous, s.
 _HELD_UP = 50e-6
 
 
@@ -85,7 +85,7 @@ class SerialRig(BundleNode):
         self._commanded: set[int] = set()
         self._number = self._dropped = self._refused = 0
         self._last_sent = 0.0
-        #: Why the air is shut, here and on the board; what cut it last.
+        #: Why the air is shut, by this node and by the board; reason of the last cut.
         self._why, self._board_air, self._last_cut = 'nothing sent yet', '', ''
         self._sample_meter, self._command_meter = Meter(), Meter()
         self._set_up_interface()
@@ -95,7 +95,7 @@ class SerialRig(BundleNode):
 
     def _set_up_interface(self) -> None:
         self._send_force = self.sender(interface.FORCE, WrenchStamped, interface.force_writer())
-        # The contraction alone: the rest length is the model's to know.
+        # The contraction alone, as this node does not know the rest length.
         self._send_contraction = self.sender(interface.STRAIN, JointState,
                                              interface.contraction_writer())
         self._send_supply, *self._send_pressure = (
@@ -110,7 +110,7 @@ class SerialRig(BundleNode):
         self._diagnostics = Diagnostics(self, self._report, 'rig')
 
     def stop(self) -> None:
-        """Stop: the last line to the board vents all and shuts the supply."""
+        """Stop the rig: the last line to the board vents all units and shuts the supply."""
         self._stop_for('serial_rig has ended')
         self._announce()
         self._link.close(self._line(time.monotonic()) if self._board.running else b'')
@@ -118,7 +118,7 @@ class SerialRig(BundleNode):
     # --- the port ------------------------------------------------------------------------------
 
     def _happened(self, event: Event) -> None:
-        """Take an event of the link; called in its thread, all else in the executor's."""
+        """Queue an event of the link for the executor; called in the link's thread."""
         self._events.append(event)
         executor = self.executor
         if executor is not None and not self._woken:
@@ -130,7 +130,7 @@ class SerialRig(BundleNode):
         try:
             self._work_off()
         except Exception as error:
-            # Out of a task it would end the process at once, without the farewell that vents.
+            # An exception of a task would end the process without the last line, which vents.
             self._stop_for(f'{type(error).__name__}: {error}')
             self._announce()
 
@@ -175,7 +175,7 @@ class SerialRig(BundleNode):
         return now - round(1e9 * (0.5 * (before + after) - steady))
 
     def _judge(self, button: bool, air: int) -> None:
-        """Stop for what the board shows; note when it cuts the air by itself."""
+        """Stop the rig if the board requires it; log when the board cuts the air itself."""
         if button:
             self._stop_for('the stop button is pressed')
         if air == OVER_PRESSURE:
@@ -187,7 +187,7 @@ class SerialRig(BundleNode):
             self._cut(f'by the board: {text}')
         self._board_air = text
 
-    # --- what others say -----------------------------------------------------------------------
+    # --- topics and services -------------------------------------------------------------------
 
     def _take_valve(self, unit: int, message: JointState) -> None:
         command = interface.read_valve(message, unit + 1)
@@ -201,7 +201,7 @@ class SerialRig(BundleNode):
                      'taken')
             return
         self._commanded.add(unit)
-        # One line for all motor units; a missing one follows with the next heartbeat.
+        # One line for all motor units; a late command is sent with the next heartbeat.
         if len(self._commanded) == self.units and now - self._last_sent >= _CLOSEST:
             self._send(now)
 
@@ -229,7 +229,7 @@ class SerialRig(BundleNode):
     # --- stop and air --------------------------------------------------------------------------
 
     def _stop_for(self, reason: str) -> None:
-        """Stop until e_stop_reset; the first reason stays."""
+        """Stop until e_stop_reset; the first reason is kept."""
         if not self._stop:
             self._stop = reason
             self.get_logger().error(f'stopped: {reason}')
@@ -285,7 +285,7 @@ class SerialRig(BundleNode):
             self._cut(f'by serial_rig: {order.why}')
         self._why = order.why
         self._number += 1
-        # Without a valve in use there is nothing that could be too old.
+        # Without a valve command in use, the stamp of the newest sample.
         answers = self._board.taken if order.answers is None else order.answers
         return command_line(self._number, self._board.ticks(answers), order.supply,
                             bool(stopped), order.valves)
@@ -337,7 +337,7 @@ class SerialRig(BundleNode):
 
 
 def _units(context: Context | None, namespace: str, overrides: dict[str, Any] | None) -> int:
-    """Return the parameter `units`: which other parameters there are depends on it."""
+    """Return the parameter `units`, which determines the other parameters."""
     node = Node('serial_rig', context=context, namespace=namespace, enable_rosout=False,
                 start_parameter_services=False,
                 parameter_overrides=[Parameter(UNITS.name, value=overrides[UNITS.name])]

@@ -3,9 +3,9 @@
 """
 Runs the whole bundle in this process on real ROS, from start to end of a trajectory.
 
-What ``fam_bundle run`` and ``demo`` use, and tests and notebooks may: the same nodes as the
-executables, one executor, a record of every topic, and the run as a `Log` like that of
-`fam_bundle_ros.simulation.ClosedLoop`, so that both can be laid side by side.
+For ``fam_bundle run`` and ``demo``, tests and notebooks: the same nodes as the executables, one
+executor, a record of every topic, and the run as a `Log` like that of
+`fam_bundle_ros.simulation.ClosedLoop`, so that both can be compared.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -35,12 +35,12 @@ from fam_bundle_ros.nodes.rig_parameters import load_model_parameters
 from fam_bundle_ros.plant import Dynamometer, Load, Rig, rig_for, RigConfig
 from fam_bundle_ros.simulation import Log, Trajectory
 
-#: Looks at a run: time of the trajectory (s), simulator, all nodes, valve commands of the step.
+#: Observer of a run, called with trajectory time (s), simulator, all nodes and valve commands.
 Watch = Callable[[float, PlantSimulator, Sequence[BundleNode], list[float]], None]
 
-#: s of wall time that messages on their way get at the end.
+#: Wall time for the last messages to arrive, s.
 _DRAIN = 0.3
-#: A desktop holds processes up for longer than a rig's watchdogs allow.
+#: On a desktop, processes are delayed for longer than a rig's watchdogs allow.
 DESKTOP = {'sensor_timeout': 1.0, 'setpoint_timeout': 1.0, 'command_timeout': 1.0,
             'supply_timeout': 2.0, 'clocks_synchronised': False}
 
@@ -60,32 +60,32 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
     Parameters
     ----------
     model : Bundle or path
-        What controller and monitor believe; a path may be the name of a model that ships.
+        Model of controller and monitor; a path may be the name of a shipped model.
     trajectory : Trajectory, Points or path
-        A path may be the name of a trajectory that ships.
+        A path may be the name of a shipped trajectory.
     plant_model : Bundle or path, optional
-        What the rig is made of; ``model`` by default.
+        Model of the rig; ``model`` by default.
     load : Load, optional
-        In place of the trajectory's own; a dynamometer at strain 0.1 where there is none.
+        Replaces the trajectory's load; a dynamometer at strain 0.1 if there is neither.
     rig : RigConfig, optional
         Its load is not used; `rig_for` the model by default.
     rate : float, Hz
         Of samples, controller and pressure loops.
     seed : int
     lock_step : bool
-        As fast as the machine can, the same every time; else in wall time.
+        Run as fast as the machine computes, with the same result each time; else in wall time.
     overrides : mapping, optional
         Parameters of nodes, say ``{'policy': 'neglect', 'faults.leak': 'mu1=2.0'}``.
     bag : path, optional
         New folder into which all topics are recorded (mcap).
     progress : callable, optional
-        Gets the time of the trajectory done, s.
+        Called with the time of the trajectory, s.
     watch : callable, optional
-        Gets, after each step of the rig, the time of the trajectory (s), the simulator, all nodes
-        and the valve commands that it took.
+        Called after each step of the rig with the time of the trajectory (s), the simulator, all
+        nodes and the valve commands of the step.
     namespace : str
     domain : int, optional
-        ROS domain in which others hear the nodes; by default nobody does.
+        ROS domain in which the nodes are visible; by default they are visible nowhere.
     log_level : str
         Of all nodes: debug, info, warn, error, fatal.
 
@@ -112,7 +112,7 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
                   'prepare': plan.prepare, **DESKTOP, **(overrides or {})}
-        # From before the first node: a KeyboardInterrupt in a callback of rclpy would be lost.
+        # Before the first node, as a KeyboardInterrupt in a callback of rclpy would be lost.
         with StopSignals() as signals:
             context = begin(log_level, domain, alone=domain is None)
             return _run(context, values, plan, hardware, namespace, bag, progress, watch, signals)
@@ -159,7 +159,7 @@ def _refuse_company(node: BundleNode) -> None:
 
 
 class _Script:
-    """Moves load and dynamometer along the plan, logs every step, and says when it is over."""
+    """Moves load and dynamometer along the plan, logs every step, and ends the run."""
 
     def __init__(self, plan: Trajectory, watch: Watch | None):
         self._plan, self._watch = plan, watch
@@ -244,12 +244,12 @@ def _plan(trajectory: Trajectory | Points | str | Path, load: Load | None) -> Tr
 
 
 def _as_file(model: Bundle | str | Path, folder: str, name: str) -> str:
-    """Return the path of a model: nodes take files, as their parameters do."""
+    """Return the path of a model, writing a `Bundle` to a file, as nodes take files."""
     return model_in(folder, name, model) if isinstance(model, Bundle) else str(model)
 
 
 def _parameters(config: RigConfig, rig: Rig) -> dict[str, Any]:
-    """Return what a user would tell the controller about the rig."""
+    """Return the parameters of the rig that a user would set for the controller."""
     return {'ambient_pressure': config.ambient_pressure,
             'supply.pressure': config.supply.pressure,
             'valve.conductance': config.valve.conductance,

@@ -3,9 +3,9 @@
 """
 Permission to open the supply: how it is sent and how it is received.
 
-The recruitment controller says on ``supply_enable`` whether the supply may be open: at once when
-that changes, and 10 times a second, so that silence withdraws it. What a driver does with
-it: docs/how_to/driver.md.
+The recruitment controller publishes on ``supply_enable`` whether the supply may be open: at every
+change, and 10 times a second, so that silence withdraws the permission. For the driver's side see
+docs/how_to/driver.md.
 """
 
 from collections.abc import Callable
@@ -17,9 +17,9 @@ from std_msgs.msg import Bool
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 
-#: s between two messages that say the same.
+#: Period of the messages while the value does not change, s.
 PERIOD = 0.1
-#: s after which a driver takes silence for false.
+#: Silence after which a driver assumes false, s.
 TIMEOUT = 0.5
 
 
@@ -31,19 +31,19 @@ class SupplyEnable:
     ----------
     node : BundleNode
     on_lapse : callable
-        Gets the silence, s, after which a true is false: drivers and pressure loops have taken it
-        back by then. Whoever says true again lets latched pressure loops go, as `enable` does.
+        Called with the silence (s) after which a true has expired in drivers and pressure loops.
+        A new true would release latched pressure loops, as `enable` does, so false is sent first.
     timeout : float, s
-        Silence for which a true counts.
+        Silence after which a true expires.
     on_contradiction : callable
-        Called when somebody else says false while this node says true.
+        Called when another node sends false while this node sends true.
     """
 
     def __init__(self, node: BundleNode, on_lapse: Callable[[float], None],
                  timeout: float = TIMEOUT, on_contradiction: Callable[[], None] = lambda: None):
         self._send = node.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)
         self._on_lapse, self._on_contradiction = on_lapse, on_contradiction
-        #: Whether a true was heard since this node says true.
+        #: Whether a true was received since this node sends true.
         self._confirmed = False
         # In lock-step time may stand still.
         self._timeout = math.inf if node.lock_step else timeout
@@ -53,14 +53,14 @@ class SupplyEnable:
             node.subscribe(interface.SUPPLY_ENABLE, Bool, self._hear, interface.RELIABLE)
 
     def _hear(self, message: Bool) -> None:
-        # What this node said itself is heard, too: in order, a false before the true after it.
+        # This node's own messages arrive too, in order: its last false before its next true.
         if message.data:
             self._confirmed = self.value
         elif self._confirmed:
             self._on_contradiction()
 
     def set(self, value: bool) -> None:
-        """Say at once whether the supply may be open, where that is new."""
+        """Publish at once whether the supply may be open, if that has changed."""
         if not self._lapsed() and value != self.value:
             self._say(value)
 
@@ -69,7 +69,7 @@ class SupplyEnable:
             self._say(self.value)
 
     def _lapsed(self) -> bool:
-        """Whether a true has just been found out of date."""
+        """Detect a true that has expired; publish false then."""
         silence = time.monotonic() - self._said
         if not self.value or silence <= self._timeout:
             return False
@@ -87,12 +87,12 @@ class SupplyEnable:
 
 class Permission:
     """
-    Remembers what was heard on ``supply_enable``.
+    Keeps the last message of ``supply_enable``.
 
     Parameters
     ----------
     timeout : float, s
-        A true counts for so long; infinite in lock-step, where time may stand still.
+        Time for which a true is valid; infinite in lock-step, where time may stand still.
     """
 
     def __init__(self, timeout: float):
@@ -102,11 +102,11 @@ class Permission:
 
     @property
     def heard(self) -> bool:
-        """Whether anything was ever heard."""
+        """Whether a message was ever received."""
         return self._value is not None
 
     def take(self, value: bool) -> bool:
-        """Take a message; return whether it says something new."""
+        """Take a message; return whether the value has changed."""
         new = value != self._value
         self._value, self._heard = value, time.monotonic()
         return new

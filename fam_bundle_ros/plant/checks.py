@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of configuration values that every part of the plant makes."""
+"""Range checks of configuration values, shared by all parts of the plant."""
 
 import math
 
@@ -10,12 +10,20 @@ from fam_bundle_ros.errors import InputError
 def require(owner: object, *names: str, above: float = -math.inf, least: float = -math.inf,
             most: float = math.inf) -> None:
     """
-    Refuse attributes of ``owner`` that are not finite numbers within bounds.
+    Raise InputError for attributes of ``owner`` that are not finite numbers within bounds.
+
+    Parameters
+    ----------
+    owner : object
+    names : str
+        Attributes to check.
+    above, least, most : float
+        Exclusive and inclusive lower bound, inclusive upper bound.
 
     Raises
     ------
     InputError
-        Naming the class, the attribute, its value and what was expected.
+        With the class, the attribute, its value and the expected range.
     """
     for name in names:
         value = getattr(owner, name)

@@ -3,9 +3,10 @@
 """
 The pneumatic circuit: regulator -> manifold -> n valves -> n chambers -> ambient.
 
-Kernels (`fam_bundle_ros.kernels`), one for each block; `circuit_step` is the whole. Runge-Kutta
-of fourth order with as many sub-steps as the stiffest volume asks for: near equal pressures an
-open valve settles a small chamber in less than a millisecond. Pressures are ABSOLUTE in here.
+Kernels (`fam_bundle_ros.kernels`), one for each block; `circuit_step` advances the whole circuit.
+Runge-Kutta of fourth order; the number of sub-steps follows from the stiffest volume: near equal
+pressures an open valve settles a small chamber in less than a millisecond. Pressures in this
+module are ABSOLUTE.
 """
 
 from dataclasses import dataclass, field
@@ -33,7 +34,7 @@ LINE_LAMINAR_RATIO = 0.98
 
 @dataclass
 class AirBalance:
-    """Where the air went since the start, kg: drawn = delivered + what filled the manifold."""
+    """Air balance since the start, kg: drawn = delivered + dumped + change in the manifold."""
 
     #: Through the regulator.
     drawn: float = 0.0
@@ -56,7 +57,7 @@ class AirConfig:
     supply: SupplyConfig
     #: Pa (absolute).
     ambient: float
-    #: Pa/(kg/s), of regulator and line together.
+    #: Pa/(kg/s), droop of regulator and line together.
     resistance: float
     #: rad/s, natural frequency of the spools; their damping ratio.
     spool_frequency: float
@@ -77,17 +78,17 @@ class AirConfig:
 
 @dataclass
 class AirScratch:
-    """Work space of one step of the circuit; nothing in it outlives the step."""
+    """Work space of one step of the circuit; no state is kept in it."""
 
     #: Mean opening of each valve over a sub-step.
     opening: list[float]
-    #: m^3/s, of each gas volume.
+    #: m^3/s, rate of each gas volume.
     slope: list[float]
-    #: Pa and Pa/s, at a stage of Runge-Kutta; Pa, change over the sub-step.
+    #: Pa and Pa/s, pressure and its rate at a Runge-Kutta stage; Pa, change over the sub-step.
     stage: list[float]
     rate: list[float]
     change: list[float]
-    #: The same for the lines at the valves.
+    #: The same for separate lines at the valves.
     line_stage: list[float]
     line_rate: list[float]
     line_change: list[float]
@@ -97,14 +98,14 @@ class AirScratch:
 class Air:
     """State of the air in a rig, one value for each chamber or valve in the lists."""
 
-    #: Pa (absolute), in the muscles; in the lines at the valves, where those are apart.
+    #: Pa (absolute), in the muscles; in separate lines at the valves (``line_volume`` > 0).
     pressure: list[float]
     line: list[float]
-    #: m^3 with tubing, without such lines.
+    #: m^3 with tubing, without separate lines.
     volume: list[float]
-    #: m^3/Pa, at constant strain; 0 where the muscle does not swell with pressure.
+    #: m^3/Pa, at constant strain; 0 where the volume does not depend on the pressure.
     compliance: list[float]
-    #: What arrives at each spool behind its backlash, -1..1.
+    #: Command of each spool after its backlash, -1..1.
     driven: list[float]
     #: Spool position, -1..1, and its speed, 1/s.
     spool: list[float]
@@ -113,8 +114,8 @@ class Air:
     manifold: float
     #: True while the supply is shut off and the manifold dumped (emergency stop).
     dumping: bool
-    #: Of faults: share of its set point that the regulator gives, opening of each valve through
-    #: which supply air seeps into its chamber.
+    #: Faults: regulator pressure over its set point; opening of each valve through which supply
+    #: air leaks into its chamber.
     supply_share: float
     seep: list[float]
     balance: AirBalance
@@ -132,7 +133,7 @@ class Air:
 def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
                  dt: float) -> None:
     """
-    Advance the air by ``dt`` while the gas volumes go linearly to ``volume``.
+    Advance the air by ``dt`` while the gas volumes change linearly to ``volume``.
 
     Parameters
     ----------
@@ -142,9 +143,10 @@ def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
     commands : vector (n,), -1..1
         Valve commands, held.
     volume : vector (n,), m^3
-        Gas volumes with tubing (without lines apart) at the end, at the pressure of the beginning.
+        Gas volumes with tubing (without separate lines) at the end, at the initial pressure.
     leaks : vector (n,), 1/s
-        Rate at which each chamber's gauge pressure leaks away at constant volume.
+        Rate at which each chamber's gauge pressure decays by leaks at constant volume.
+    dt : float, s
     """
     slope = air.scratch.slope
     for i in range(len(commands)):
@@ -158,10 +160,10 @@ def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
 
 def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: float) -> int:
     """
-    Return how many sub-steps keep the pressures well resolved.
+    Return the number of sub-steps for `_STIFFNESS`.
 
-    The flow is concave in the pressure ratio, so flow over pressure difference bounds the
-    slope at the present pressure from above.
+    The flow is concave in the pressure ratio, so flow over pressure difference is an upper bound
+    of the slope at the present pressure.
     """
     valve, chamber, supply = config.valve, config.chamber, config.supply
     c, b, ambient, manifold = (valve.conductance, valve.critical_ratio, config.ambient,
@@ -194,11 +196,11 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
             through += seeping
             slope += seeping
         if apart and slope > 0.0:
-            # Line and restriction are as fast besides.
+            # The rates of line and restriction add.
             fastest += exponent * slope / smallest
         if air.pressure[i] > relief:
             p, smallest = air.pressure[i], min(air.volume[i], volume[i])
-            # Opening the relief valve is steeper than the flow through it.
+            # The opening of the relief valve adds to the slope of the flow through it.
             slope += c * p * REFERENCE_DENSITY * (1.0 / chamber.relief_band + 1.0 / p)
         if slope > 0.0 or leaks[i] > 0.0:
             fastest = max(fastest, exponent * slope / smallest + leaks[i])
@@ -208,7 +210,7 @@ def substeps(config: Any, air: Any, commands: Any, volume: Any, leaks: Any, dt: 
 
 def secant(conductance: float, b: float, upstream: float, downstream: float,
            laminar_ratio: float = LAMINAR_RATIO) -> float:
-    """Return flow over pressure difference, kg/(s Pa); at equal pressures its limit."""
+    """Return flow over pressure difference (Pa), kg/(s Pa); its limit at equal pressures."""
     difference = abs(upstream - downstream)
     if difference < 1.0:
         upstream, difference = downstream + 1.0, 1.0
@@ -218,7 +220,7 @@ def secant(conductance: float, b: float, upstream: float, downstream: float,
 
 def move_spools(config: Any, air: Any, commands: Any, dt: float) -> None:
     """
-    Move the spools by ``dt`` and leave the mean opening of each valve in the scratch.
+    Move the spools by ``dt`` and write the mean opening of each valve to the scratch.
 
     A spool is a second-order lag, x'' = w^2 (u - x) - 2 z w x', solved exactly for the held
     command u.
@@ -231,7 +233,7 @@ def move_spools(config: Any, air: Any, commands: Any, dt: float) -> None:
         if error != 0.0 or rate != 0.0:
             middle, middle_rate = a * error + b * rate, c * error + d * rate
             after = a * middle + b * middle_rate
-            # Simpson's rule: the opening bends where the dead band ends.
+            # Simpson's rule: the opening has a kink at the end of the dead band.
             opening = (valve_opening(config.valve, target + error)
                        + 4.0 * valve_opening(config.valve, target + middle)
                        + valve_opening(config.valve, target + after)) / 6.0
@@ -256,7 +258,7 @@ def spool_step(frequency: float, damping: float, dt: float) -> tuple[float, floa
 
 
 def runge_kutta(config: Any, air: Any, leaks: Any, dt: float) -> None:
-    """Advance chambers, manifold and balance by ``dt``, the classical four stages."""
+    """Advance chambers, manifold and balance by ``dt`` (s) with the classical four stages."""
     work, start = air.scratch, air.manifold
     n = len(air.pressure)
     for i in range(n):
@@ -286,7 +288,7 @@ def runge_kutta(config: Any, air: Any, leaks: Any, dt: float) -> None:
 def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: float,
                   weight: float) -> float:
     """
-    Put dp/dt of each chamber into the scratch; return that of the manifold, Pa/s.
+    Write dp/dt of each chamber to the scratch; return that of the manifold, Pa/s.
 
     dp/dt = (R T (g_in m_in - g_out m_out) - g_v p V')/(V + g_v p C), V' the rate of the volume
     at constant pressure, C its compliance: conservation of mass for a polytropic gas. The flows
@@ -295,7 +297,7 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
     Parameters
     ----------
     manifold : float, Pa (absolute)
-        At this stage of Runge-Kutta, ``time`` (s) after the beginning of the sub-step.
+        At this Runge-Kutta stage, ``time`` (s) after the start of the sub-step.
     """
     valve, chamber, work, balance = config.valve, config.chamber, air.scratch, air.balance
     c, b, ambient = valve.conductance, valve.critical_ratio, config.ambient
@@ -328,7 +330,7 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
                    * mass_flow(c, b, p, ambient))
             exhausted += out
         if leaks[i] > 0.0:
-            # Written as the flow that makes the gauge pressure decay exponentially.
+            # The flow for which the gauge pressure decays exponentially.
             leak = leaks[i] * (p - ambient) * volume / (chamber.outflow_exponent * RT)
             leaked += leak
             out += leak
@@ -367,7 +369,7 @@ def supply_flows(config: Any, air: Any, manifold: float, delivered: float,
     """
     supply, drawn, dumped = config.supply, 0.0, 0.0
     if air.dumping or air.supply_share == 0.0:
-        # A hose that came off lets the air out as the dump valve does.
+        # A detached hose is modelled by the dump valve.
         dumped = mass_flow(supply.dump_conductance, config.valve.critical_ratio, manifold,
                            config.ambient)
     else:

@@ -3,10 +3,10 @@
 """
 Faults of a simulated rig: instruments, messages, valves, muscles, supply.
 
-`Faults` is what users say, `FaultRecord` the same as kernels read it. The compiled closed loop
-and the simulator over ROS take the same faults. Only the simulator has messages: there `silent`,
-`late` and `lost` act on them; in the closed loop a reading that does not come is repeated, and a
-late one is shown late.
+`Faults` is the user's description, `FaultRecord` the same for kernels. The compiled closed loop
+and the simulator over ROS take the same faults. Only the simulator has messages, on which
+`silent`, `late` and `lost` act; in the closed loop a missing reading is repeated, and a late one
+is delayed.
 """
 
 from collections.abc import Iterable
@@ -20,7 +20,7 @@ from fam_bundle_ros.plant.sensors import channel_names
 
 #: s: time constant with which a torn muscle loses its gauge pressure.
 BURST_TIME = 0.01
-#: What a reading is multiplied by when a driver sends it in this unit instead of the SI unit.
+#: Factor on a reading that a driver sends in this unit instead of the SI unit.
 UNITS: dict[str, dict[str, float]] = {
     'pressure': {'kPa': 1e-3, 'MPa': 1e-6, 'bar': 1e-5, 'mbar': 1e-2, 'psi': 1.0 / 6894.757},
     'force': {'kN': 1e-3, 'kgf': 1.0 / 9.80665, 'lbf': 1.0 / 4.448222},
@@ -33,18 +33,17 @@ class Faults:
     """
     The present faults; they may change at any time. Motor units count from 0.
 
-    Channels are 'force', 'strain', 'supply', 'mu1/pressure', ... Faults of a reading act on what
-    a sound instrument shows, in the order below.
+    Channels are 'force', 'strain', 'supply', 'mu1/pressure', ... Faults of a reading act on
+    the reading without faults, in the order below.
     """
 
     #: Instruments exchanged: pairs of channels.
     exchanged: dict[str, str] = field(default_factory=dict)
-    #: s, a reading shows what was so long ago, with the stamp of now.
+    #: s, delay of a reading, which has the present stamp.
     delay: dict[str, float] = field(default_factory=dict)
     #: A reading is sent in this unit instead of Pa, N or 1 (`UNITS`).
     units: dict[str, str] = field(default_factory=dict)
-    #: Factor on a reading, and what is added to it; added per second; added to one reading every
-    #: 0.1 s.
+    #: Factor on a reading; offset; offset per second; offset of one reading every 0.1 s.
     gain: dict[str, float] = field(default_factory=dict)
     offset: dict[str, float] = field(default_factory=dict)
     drift: dict[str, float] = field(default_factory=dict)
@@ -54,39 +53,38 @@ class Faults:
     frozen: set[str] = field(default_factory=set)
     #: Factor on the noise of every channel.
     noise_factor: float = 1.0
-    #: Messages: channels of which nothing is sent; s, sent so late, with the stamp of the
-    #: reading; share of them that is lost.
+    #: Messages: channels that are not sent; delay in s, with the stamp of the reading; share
+    #: that is lost.
     silent: set[str] = field(default_factory=set)
     late: dict[str, float] = field(default_factory=dict)
     lost: dict[str, float] = field(default_factory=dict)
-    #: Spool position (-1..1) of valves that no longer move; None: where it is now.
+    #: Spool position (-1..1) of stuck valves; None: the present position.
     stuck_valve: dict[int, float | None] = field(default_factory=dict)
-    #: Opening (0..1) through which a valve lets supply air into its unit all the time.
+    #: Opening (0..1) through which supply air constantly leaks into a unit.
     leaking_valve: dict[int, float] = field(default_factory=dict)
-    #: Valves that exhaust when told to fill; pairs of valves with each other's commands.
+    #: Valves with the opposite sign of the command; pairs of valves with exchanged commands.
     reversed_valve: set[int] = field(default_factory=set)
     exchanged_valves: dict[int, int] = field(default_factory=dict)
-    #: Time constant in s with which a chamber's gauge pressure leaks away.
+    #: Time constant in s of the decay of a chamber's gauge pressure.
     leak: dict[int, float] = field(default_factory=dict)
     #: Motor units with a torn muscle: a leak of `BURST_TIME`.
     burst: set[int] = field(default_factory=set)
-    #: Share of its set point that the supply gives: 0 when the hose is off, above 1 when the
-    #: regulator fails.
+    #: Supply pressure over its set point: 0 for a detached hose, above 1 for a failed regulator.
     supply: float = 1.0
 
     def clear(self) -> None:
-        """Repair everything."""
+        """Remove all faults."""
         self.__dict__.update(Faults().__dict__)
 
     def without_messages(self) -> 'Faults':
-        """Return the faults of the rig alone, where messages are sent elsewhere."""
+        """Return the faults without those of messages, which another process sends."""
         rest = copy.deepcopy(self)
         rest.silent, rest.late, rest.lost = set(), {}, {}
         return rest
 
     @property
     def text(self) -> str:
-        """What is broken, in words; empty when nothing is."""
+        """The present faults as text; empty without faults."""
         parts = []
         for item in fields(self):
             value, name = getattr(self, item.name), item.name.replace('_', ' ')
@@ -99,7 +97,7 @@ class Faults:
 
 
 def _sentence(field_name: str, name: str, key: Any, value: Any) -> str:
-    """Return one fault in words."""
+    """Return one fault as text."""
     what = key if isinstance(key, str) else f'mu{key + 1}'
     number = value[key] if isinstance(value, dict) else None
     if isinstance(number, int) and field_name == 'exchanged_valves':
@@ -110,27 +108,27 @@ def _sentence(field_name: str, name: str, key: Any, value: Any) -> str:
 
 @dataclass
 class FaultRecord:
-    """Faults as kernels read them: one value a motor unit, then one a channel."""
+    """Faults for kernels: one value per motor unit, then one per channel."""
 
-    #: 1/s, rate at which gauge pressure leaks away, with the leak of the plant's own model.
+    #: 1/s, decay rate of the gauge pressure, including the leak of the plant's own model.
     leak: list[float]
-    #: Position of a valve that no longer moves, infinity for where it is when the fault begins;
-    #: nan for a valve that moves.
+    #: Position of a stuck valve, infinity for its position when the fault begins; nan for a
+    #: moving valve.
     stuck: list[float]
-    #: Opening through which supply air seeps in.
+    #: Opening through which supply air leaks in.
     seep: list[float]
-    #: Whose command a valve gets, and the factor on it.
+    #: Index of the command that a valve receives, and the factor on it.
     command_of: list[int]
     command_sign: list[float]
-    #: Share of its set point that the regulator gives.
+    #: Regulator pressure over its set point.
     supply: float
-    #: Whether any of the following is not as it should be.
+    #: Whether any of the following is a fault.
     spoilt: bool
-    #: 1 for a channel without a reading; that repeats its last one; share of readings repeated.
+    #: 1 for a channel without a reading; 1 for one that repeats its last; share of repeats.
     lost: list[int]
     held: list[int]
     skipped: list[float]
-    #: Whose reading a channel shows, how late (s), and the longest of these.
+    #: Index of the channel that is shown, delay (s), and the longest delay.
     reading_of: list[int]
     delay: list[float]
     longest: float
@@ -144,12 +142,20 @@ class FaultRecord:
 
 def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
     """
-    Return faults as kernels take them; ``leak`` (1/s) is that of every chamber without a fault.
+    Return the record for kernels.
+
+    Parameters
+    ----------
+    faults : Faults
+    leak : float, 1/s
+        Leak of every chamber without a fault.
+    units : int
+        Number of motor units.
 
     Raises
     ------
     InputError
-        When a fault names a motor unit or a channel that is not there, or a value is impossible.
+        When a fault has an unknown motor unit or channel, or a value out of range.
     """
     check_faults(faults, units)
     names = channel_names(units)
@@ -185,12 +191,12 @@ def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
 
 def check_faults(faults: Faults, units: int) -> None:
     """
-    Refuse what names nothing or cannot be.
+    Check names and values of the faults.
 
     Raises
     ------
     InputError
-        Which names the fault, what it has and what was expected.
+        With the fault, its value and the expected one.
     """
     names = channel_names(units)
     for item in fields(faults):
@@ -213,7 +219,7 @@ def check_faults(faults: Faults, units: int) -> None:
                 _check_value(item.name, key, number)
 
 
-#: Least and largest value of a fault, and in words.
+#: Least and largest value of a fault, and the range as text.
 _RANGES = {
     'stuck_valve': (-1.0, 1.0, '-1 to 1'), 'leaking_valve': (0.0, 1.0, '0 to 1'),
     'lost': (0.0, 1.0, 'a share from 0 to 1'), 'delay': (0.0, 60.0, '0 to 60 s'),
@@ -247,7 +253,7 @@ def _in_unit(channel: str, unit: str | None) -> float:
 
 
 def _exchange(names: Iterable[Any], pairs: dict[Any, Any]) -> list[Any]:
-    """Return whom each one gets in its place."""
+    """Return the partner of each name, or the name itself."""
     found = {name: name for name in names}
     for one, other in pairs.items():
         found[one], found[other] = found[other], found[one]

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plants that are no bundle of laws: a user's two functions, or measured tables.
+Plants from a user's two functions, or from measured tables, instead of a bundle of laws.
 
 A foreign plant runs in the same loops as a `Bundle`, compiled where numba can compile its
 functions, else in plain Python.
@@ -21,9 +21,9 @@ from fam_bundle_ros.model.seam import Model, pointers
 _VOLUME = ('unit', 'strain', 'pressure', 'time', 'shape', 'parameters', 'tables')
 _FORCE = ('unit', 'strain', 'strain_rate', 'pressure', 'time', 'dt', 'start', 'shape',
           'parameters', 'tables', 'memory', 'after')
-#: What a user's function gets of these: the row of its motor unit.
+#: Of these a user's function gets only the row of its motor unit.
 _ROWS = ('shape', 'memory', 'after')
-#: Strain over which the slope of a volume is taken.
+#: Half-width of the difference quotient of a volume, in strain.
 _SMALL_STRAIN = 1e-6
 
 
@@ -34,11 +34,11 @@ class ForeignPlant:
     Parameters
     ----------
     force : callable
-        Returns the tension of one motor unit in N. It names the arguments that it wants:
+        Returns the tension of one motor unit in N. Its arguments are any of:
         ``unit`` (from 0), ``strain``, ``strain_rate`` (1/s), ``pressure`` (gauge Pa of all
         units; its own is ``pressure[unit]``), ``time`` and ``dt`` (s), ``parameters``,
-        ``tables``, ``shape``; with memory ``start`` (True at the first sample), ``memory`` and
-        ``after``: it reads the one and writes the other, the memory after this sample.
+        ``tables``, ``shape``; with memory ``start`` (True at the first sample), ``memory``
+        (read) and ``after`` (written): the memory before and after this sample.
     volume : callable
         Returns the gas volume of one motor unit without tubes in m^3, from ``unit``,
         ``strain``, ``pressure``, ``time``, ``parameters``, ``tables``, ``shape``.
@@ -49,7 +49,7 @@ class ForeignPlant:
     names : sequence of str, optional
         ``mu1``, ``mu2``, ... by default.
     memory : int
-        Numbers that each motor unit remembers.
+        Length of the memory of each motor unit.
     parameters, tables : sequence of float
     shape : sequence of sequence of float, optional
         Numbers of each motor unit.
@@ -58,7 +58,7 @@ class ForeignPlant:
     Raises
     ------
     InputError
-        When a function wants an argument that there is not, or a length is not positive.
+        When a function has an unknown argument, or a length is not positive.
 
     Examples
     --------
@@ -95,17 +95,17 @@ class ForeignPlant:
 
     def readings(self, force: Any, strain: Any, pressure: Any, time: Any = 0.0,
                  ) -> tuple[Any, Any, Any]:
-        """Return what the gauges show: the truth."""
+        """Return the readings of ideal gauges: the true values."""
         return force, strain, pressure
 
     def model(self, compiled: bool) -> Model:
         """
-        Return the functions and numbers that a loop takes, with fresh memory.
+        Return the functions and numbers that a loop takes, with initial memory.
 
         Raises
         ------
         NotCompiled
-            When numba is not there or cannot compile a function; ask for the plain model then.
+            When numba is not installed or cannot compile a function; use the plain model then.
         """
         memory = [[0.0] * self._memory for _ in range(self.n)]
         numbers = (self._shape, self._parameters or [0.0], self._tables or [0.0], memory,
@@ -132,7 +132,7 @@ class ForeignPlant:
         Raises
         ------
         InputError
-            When a grid does not rise or a surface has another shape.
+            When a grid is not increasing or a surface has another shape.
         """
         grids = [np.asarray(grid, float) for grid in (strain, pressure)]
         surfaces = [np.asarray(surface, float) for surface in (force, volume)]
@@ -154,12 +154,12 @@ class ForeignPlant:
 
 @cache
 def _compiled(functions: tuple[Callable, ...]) -> tuple[Any, Any, Any]:
-    """Return the pointers of a plant's functions, made once."""
+    """Return the pointers of a plant's functions (cached)."""
     return pointers(*functions)
 
 
 def _adapted(function, arguments, slope=False):
-    """Return a function of the seam's arguments that calls the user's with those it names."""
+    """Return a function of the seam's arguments that passes the user's function those it names."""
     wanted = tuple(inspect.signature(function).parameters)
     for name in wanted:
         if name not in arguments:
@@ -202,7 +202,7 @@ def _interpolated(tables, surface, unit, strain, pressure):
 
 
 def _place(tables, start, count, value):
-    """Return the interval of a grid that holds a value, and how far along it that is, 0..1."""
+    """Return the interval of a grid that contains a value, and its position in it, 0..1."""
     low, high = 0, count - 1
     while high - low > 1:
         middle = (low + high) // 2

@@ -1,34 +1,34 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Dead time and first-order lag of signals: what lies between the plant and who reads or drives it.
+Dead time and first-order lag of signals between the plant and its users.
 
-Kernels (`fam_bundle_ros.kernels`). A delay line is a ring of fixed size, whatever the delay, so
-that compiled loops are the same for all: of a long delay it keeps fewer samples per second, and
-reads linearly between them.
+Kernels (`fam_bundle_ros.kernels`). A delay line is a ring buffer of fixed size for any delay, so
+that compiled loops have one type: for a long delay it stores fewer samples per second, and
+interpolates linearly.
 """
 
 from dataclasses import dataclass
 import math
 from typing import Any
 
-#: Places of a delay line.
+#: Length of a delay line.
 PLACES = 48
-#: s: times closer than this are one time.
+#: s: times closer than this count as equal.
 _SAME = 1e-9
 
 
 @dataclass
 class DelayLine:
     """
-    Samples of some signals on their way.
+    Ring buffer of samples of some signals.
 
     Attributes
     ----------
     times : list (PLACES,), s
     values : list (PLACES, c)
     head, size : int
-        Oldest sample, and how many there are.
+        Oldest sample, and number of samples.
     """
 
     times: list[float]
@@ -38,16 +38,23 @@ class DelayLine:
 
     @classmethod
     def empty(cls, signals: int) -> 'DelayLine':
-        """Return a line for so many signals with nothing in it."""
+        """Return an empty line for a number of signals."""
         return cls([0.0] * PLACES, [[0.0] * signals for _ in range(PLACES)])
 
 
 def put(line: Any, time: float, values: Any, delay: float) -> None:
     """
-    Let a sample of the signals, vector (c,), enter a delay line at ``time`` (s).
+    Put a sample of the signals into a delay line.
 
-    Samples that came out long ago make room. Of those still inside at most `PLACES` - 4 are kept:
-    one that comes too soon after the last one but one takes the place of the last.
+    Samples older than the delay are removed. At most `PLACES` - 4 newer ones are kept: a sample
+    that follows the last but one too closely replaces the last.
+
+    Parameters
+    ----------
+    line : DelayLine
+    time, delay : float, s
+        Time of the sample; delay of the line.
+    values : vector (c,)
     """
     oldest = time - delay
     while line.size > 1 and line.times[(line.head + 1) % PLACES] <= oldest + _SAME:
@@ -64,7 +71,7 @@ def put(line: Any, time: float, values: Any, delay: float) -> None:
 
 
 def find(line: Any, time: float) -> int:
-    """Return the place of the newest sample that is not newer than a time; the oldest at least."""
+    """Return the place of the newest sample not newer than a time (s); else of the oldest."""
     k, end = 0, line.size - 1
     while k < end and line.times[(line.head + k + 1) % PLACES] <= time + _SAME:
         k += 1
@@ -72,7 +79,7 @@ def find(line: Any, time: float) -> int:
 
 
 def read_between(line: Any, time: float, out: Any) -> None:
-    """Put the signals at a time into ``out``, linear between samples, constant before them."""
+    """Write the signals at a time (s) to ``out``, linear between samples, constant before them."""
     k = find(line, time)
     here = (line.head + k) % PLACES
     if k == line.size - 1 or time <= line.times[here]:
@@ -87,7 +94,7 @@ def read_between(line: Any, time: float, out: Any) -> None:
 
 
 def read_held(line: Any, time: float, out: Any) -> None:
-    """Put the newest sample that is not newer than a time into ``out``; zeros before the first."""
+    """Write the newest sample not newer than a time (s) to ``out``; zeros before the first."""
     here = (line.head + find(line, time)) % PLACES
     there = line.times[here] <= time + _SAME
     for i in range(len(out)):

@@ -3,10 +3,10 @@
 """
 Loads of the bundle: a dynamometer, a mass with gravity and springs, a forearm.
 
-A load is a frozen description; `LoadState` is its state, so that one load serves many rigs. What
-loads do are kernels (`fam_bundle_ros.kernels`) on one record for all kinds, `LoadRecord`:
-positions move with the speeds (`drift`), speeds with the forces (`kick`). ``length`` is the
-bundle's rest length in m throughout; strain is positive when shorter.
+A load is a frozen description and `LoadState` its state, so that one load can be used by many
+rigs. The equations of motion are kernels (`fam_bundle_ros.kernels`) on one record for all kinds,
+`LoadRecord`: positions change with the speeds (`drift`), speeds with the forces (`kick`).
+``length`` is the bundle's rest length in m throughout; strain is positive when shorter.
 """
 
 from abc import ABC
@@ -31,20 +31,20 @@ class LoadState:
     #: 1 and 1/s.
     strain: float
     strain_rate: float = 0.0
-    #: Strain that a dynamometer goes to, and the size of the strain rate (1/s) at which it does.
+    #: Target strain of a dynamometer, and the size of its strain rate, 1/s.
     target: float = 0.0
     speed: float = 0.0
-    #: m and m/s: the mass behind a series spring, counted like the contraction.
+    #: m and m/s: position and speed of the mass behind a series spring, signed as the contraction.
     place: float = 0.0
     place_rate: float = 0.0
-    #: Of strain (1/s^2) and place (m/s^2), in the last kick.
+    #: Accelerations of strain (1/s^2) and place (m/s^2) in the last kick.
     acceleration: float = 0.0
     place_acceleration: float = 0.0
 
 
 @dataclass
 class LoadRecord:
-    """The values of any load as kernels read them; 0 where its kind has none."""
+    """Parameters of any load for kernels; 0 where its kind has none."""
 
     kind: int
     #: Lower and upper end stop.
@@ -71,13 +71,13 @@ def drift(load: Any, motion: Any, dt: float, past: float) -> None:
     """
     Move the positions by ``dt`` at the present speeds, in place.
 
-    A dynamometer goes towards its target, its rate is what was really moved. What arrives at an
-    end stop or on a floor is at rest there (`land`).
+    A dynamometer moves towards its target; its rate is that of the actual motion. A mass that
+    reaches an end stop or a floor stops there (`land`).
 
     Parameters
     ----------
     past : float, s
-        For how much of ``dt`` the last kick was; the rest belongs to the one to come.
+        Part of ``dt`` that belongs to the last kick; the rest belongs to the next one.
     """
     if load.kind == DYNAMOMETER:
         most = motion.speed * dt
@@ -104,11 +104,20 @@ def drift(load: Any, motion: Any, dt: float, past: float) -> None:
 
 def land(beyond: float, speed: float, acceleration: float, dt: float, past: float) -> float:
     """
-    Return the speed after a stop has taken up the blow, ``beyond`` past which the drift went.
+    Return the speed after an inelastic impact at a stop, which the drift passed by ``beyond``.
 
-    Forces that pull away from the stop act from the moment of arrival on. What the last kick
-    did before it is lost with the blow; what the next kick will do too much is taken off here.
-    Without this the arrival would be first order in ``dt``.
+    Forces away from the stop act from the time of the impact on: the part of the last kick before
+    it is lost in the impact, and the excess of the next kick is subtracted here. Without this
+    correction the impact would be first order in ``dt``.
+
+    Parameters
+    ----------
+    beyond, speed : float
+        Distance beyond the stop, and speed: of the strain (1, 1/s) or of a mass (m, m/s).
+    acceleration : float
+        Away from the stop in the last kick, else 0.
+    dt, past : float, s
+        As for `drift`.
     """
     arrival = dt - min(beyond / speed, dt)
     return acceleration * (past - arrival)
@@ -118,7 +127,15 @@ def kick(load: Any, motion: Any, dt: float, force: float, length: float) -> tupl
     """
     Return (strain rate, speed of the mass behind a spring) after ``dt`` under a constant force.
 
-    Implicit in the load's own damping (backward Euler), so that any size of it is stable.
+    Implicit in the load's own damping (backward Euler), hence stable for any damping.
+
+    Parameters
+    ----------
+    load, motion : LoadRecord, LoadState
+    dt : float, s
+    force : float, N
+        Force of the bundle.
+    length : float, m
     """
     rate, place_rate = motion.strain_rate, motion.place_rate
     if load.kind == DYNAMOMETER:
@@ -167,7 +184,7 @@ def kick_through_spring(load: Any, motion: Any, dt: float, force: float, length:
 
 
 def holding_force(load: Any, strain: float, length: float) -> float:
-    """Return the bundle force, N, that holds the load still at a strain (nan: any)."""
+    """Return the bundle force, N, that holds the load at rest at a strain (nan: any)."""
     if load.kind == DYNAMOMETER:
         return math.nan
     weight = load.mass * load.gravity
@@ -215,7 +232,7 @@ def drag(load: Any, length: float) -> float:
 
 
 def damping_rate(load: Any, length: float) -> float:
-    """Return how fast the load's own damping slows the bundle's end, 1/s."""
+    """Return the decay rate of the bundle end's speed due to the load's damping, 1/s."""
     if load.kind == SERIES_SPRING_MASS:
         return (load.damping + load.spring_damping) / load.fitting_mass
     return drag(load, length) / inertia(load, length)
@@ -231,25 +248,25 @@ class Load(ABC):
 
     @property
     def record(self) -> LoadRecord:
-        """The load as kernels read it."""
+        """The load's parameters for kernels."""
         own = {item.name: float(getattr(self, item.name)) for item in fields(LoadRecord)
                if hasattr(self, item.name) and item.name != 'kind'}
         return LoadRecord(self.kind, *map(float, self.stops), **own)
 
     def start(self, length: float) -> LoadState:
-        """Return the motion that the load begins with: at rest on the lower end stop."""
+        """Return the initial state: at rest on the lower end stop."""
         return LoadState(self.stops[0])
 
     def holding_force(self, strain: float, length: float) -> float:
-        """Return the bundle force, N, that holds the load still at a strain (nan: any)."""
+        """Return the bundle force, N, that holds the load at rest at a strain (nan: any)."""
         return holding_force(self.record, strain, length)
 
     def stiffness(self, strain: float, length: float) -> float:
-        """Return d(holding force)/d(strain), N: what a strain loop sees of the load at rest."""
+        """Return d(holding force)/d(strain), N: stiffness of the load for a strain loop."""
         return stiffness(self.record, strain, length)
 
     def inertia(self, strain: float, length: float) -> float:
-        """Return force per strain acceleration, N s^2: what a strain loop sees in motion."""
+        """Return force per strain acceleration, N s^2: inertia of the load for a strain loop."""
         return inertia(self.record, length)
 
     def drag(self, length: float) -> float:
@@ -260,14 +277,14 @@ class Load(ABC):
 @dataclass(frozen=True)
 class Dynamometer(Load):
     """
-    A test machine that imposes the strain, whatever the force.
+    A test machine that imposes the strain, for any force.
 
     Parameters
     ----------
     strain : float
-        Where it starts.
+        Initial strain.
     speed : float, 1/s
-        Largest strain rate, used where `Rig.impose_strain` names none.
+        Strain rate used by `Rig.impose_strain` by default.
     """
 
     strain: float = 0.0
@@ -281,12 +298,12 @@ class Dynamometer(Load):
         require(self, 'speed', above=0.0)
 
     def start(self, length: float) -> LoadState:
-        """Return the motion of a machine that rests at its strain."""
+        """Return the initial state: at rest at its strain."""
         return LoadState(self.strain, 0.0, self.strain, self.speed)
 
     def impose(self, motion: LoadState, strain: float, speed: float | None = None) -> None:
         """
-        Set the target of a motion, to be reached at a strain rate of size ``speed``.
+        Set the target strain, to be reached at a strain rate of size ``speed`` (1/s).
 
         Raises
         ------
@@ -314,9 +331,9 @@ class MassSpring(Load):
     stiffness_against : float, N/m
         Spring that resists the contraction; 0 for none.
     spring_rest : float, m
-        Contraction at which that spring is free.
+        Contraction at which that spring is unloaded.
     damping : float, N s/m
-        Of the guide.
+        Damping of the guide.
     gravity : float, m/s^2
         0 for a mass that slides on a level track.
     stops : (float, float)
@@ -344,8 +361,8 @@ class SeriesSpringMass(Load):
     """
     A mass that the bundle pulls through a spring (a tendon, a compliant limb).
 
-    The bundle's end fitting has a mass of its own: without it the spring would tie the force to
-    the strain by an algebraic equation, which no real rig does.
+    The bundle's end fitting has its own mass: without it force and strain would be coupled by an
+    algebraic equation.
 
     Parameters
     ----------
@@ -355,14 +372,14 @@ class SeriesSpringMass(Load):
         Spring between the mass and the ground; 0 for none.
     fitting_mass : float, kg
     damping : float, N s/m
-        Of the guide of each of the two masses.
+        Damping of the guide of each of the two masses.
     spring_damping : float, N s/m
-        Inside the series spring.
+        Damping of the series spring.
     gravity : float, m/s^2
     stops : (float, float)
         Strains at the end stops of the fitting.
     floor : float, m
-        Position of the mass, counted like the contraction, below which it rests on its support.
+        Position of the mass, signed as the contraction, below which it rests on its support.
     """
 
     mass: float = 5.0
@@ -384,14 +401,14 @@ class SeriesSpringMass(Load):
         _check_stops(self)
 
     def start(self, length: float) -> LoadState:
-        """Return the motion at rest on stop and floor."""
+        """Return the initial state: at rest on stop and floor."""
         return LoadState(self.stops[0], place=self.floor)
 
 
 @dataclass(frozen=True)
 class Arm(Load):
     """
-    A forearm on a joint that the bundle turns over a pulley.
+    A forearm on a joint, driven by the bundle over a pulley.
 
     inertia a'' = F moment_arm - mass gravity centre sin(a) - damping a', with the angle a from
     hanging straight down: a = rest_angle + contraction/moment_arm.
@@ -401,7 +418,7 @@ class Arm(Load):
     moment_of_inertia : float, kg m^2
         About the joint, load in the hand included.
     mass : float, kg
-        Of forearm and load.
+        Mass of forearm and load.
     centre : float, m
         Distance of the centre of mass from the joint.
     moment_arm : float, m

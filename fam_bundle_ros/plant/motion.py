@@ -1,14 +1,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The rig in motion: circuit, bundle and load advanced together, and the trip that guards them.
+Equations of motion of the rig: circuit, bundle and load together, and the trip.
 
-Half drift, kick, half drift (Strang splitting; position Verlet where there is no air): over half
-a step the load moves at its present speed while the air moves with it (`drift_with_air`), then
-the force acts for the whole step (`kick_step`), then the second half. The scheme is symmetric,
-hence of second order; without dissipation it neither gains nor loses energy. Kernels
-(`fam_bundle_ros.kernels`); a `model` is a `fam_bundle_ros.model.seam.Model`, so that any plant
-that gives force and volume runs here.
+Half drift, kick, half drift (Strang splitting; position Verlet without air): for half a step the
+load moves at its present speed while the air follows (`drift_with_air`), then the force acts for
+the whole step (`kick_step`), then the second half drift. The scheme is symmetric, hence of second
+order; without dissipation it conserves energy. Kernels (`fam_bundle_ros.kernels`); a `model` is a
+`fam_bundle_ros.model.seam.Model`, so that any plant with a force and a volume can be used.
 """
 
 from dataclasses import dataclass, field
@@ -22,25 +21,25 @@ from fam_bundle_ros.plant.sensors import FORCE, PRESSURE, STRAIN, SUPPLY
 
 #: Why a rig is stopped.
 RUNNING, OVER_PRESSURE, E_STOP = range(3)
-#: 1/s: how exactly the strain rate is solved for where the force depends on it.
+#: 1/s: tolerance of the strain rate where the force depends on it.
 _RATE_TOLERANCE = 1e-9
 _MOST_TRIALS = 40
-#: Relative error of the gas content where a volume depends on the pressure.
+#: Relative tolerance of the gas content where a volume depends on the pressure.
 _CONTENT_TOLERANCE = 1e-13
-#: Pa, over which the compliance of a volume is found.
+#: Pa, step of the difference quotient for the compliance of a volume.
 _SMALL_PRESSURE = 100.0
 
 
 @dataclass(frozen=True)
 class RigRecord:
-    """Constants of a rig as kernels read them."""
+    """Constants of a rig for kernels."""
 
     air: AirConfig
     #: s, longest internal step.
     step: float
     #: m, rest length of the bundle.
     length: float
-    #: m^3, between valve and muscles of one motor unit; what of it is one with the muscles.
+    #: m^3, tubing of one motor unit; its part without a restriction to the muscles.
     tube_volume: float
     near_volume: float
     #: Pa (gauge).
@@ -52,27 +51,27 @@ class RigRecord:
 
 @dataclass
 class RigState:
-    """Everything about a rig that changes."""
+    """State of a rig."""
 
     air: Air
     motion: LoadState
-    #: s since the start; of the last force that the memory of the effects has taken in.
+    #: s since the start; the same at the last update of the effects' memory.
     time: float
     memory_time: float
-    #: Commands on their way to the valves.
+    #: Delay line of the valve commands.
     line: DelayLine
-    #: N, of the bundle; J, done on the load.
+    #: N, force of the bundle; J, work done on the load.
     force: float
     work: float
     #: RUNNING, OVER_PRESSURE or E_STOP; the motor unit that tripped and its pressure, Pa (gauge).
     reason: int
     tripped_unit: int
     tripped_pressure: float
-    #: Slope of the gap that `solve_rate` closes, and whether backward Euler was needed last.
+    #: Slope of the residual in `solve_rate`, and whether backward Euler was used last.
     gap_slope: float
     steep: bool
-    #: Scratch: gauge pressures that the muscles feel, commands that valves get, those that arrive
-    #: at the rig, volumes.
+    #: Work space: gauge pressures in the muscles, commands of the valves, commands of the rig,
+    #: volumes.
     gauge: list[float] = field(repr=False)
     commands: list[float] = field(repr=False)
     wired: list[float] = field(repr=False)
@@ -80,14 +79,14 @@ class RigState:
 
     @classmethod
     def at_rest(cls, air: Air, motion: LoadState) -> 'RigState':
-        """Return the state of a rig that has not moved yet."""
+        """Return the initial state of a rig."""
         n = len(air.pressure)
         return cls(air, motion, 0.0, 0.0, DelayLine.empty(n), 0.0, 0.0, RUNNING, 0, 0.0, -1.0,
                    False, [0.0] * n, [0.0] * n, [0.0] * n, [0.0] * n)
 
 
 def begin(rig: Any, model: Any, state: Any) -> None:
-    """Fill gas volumes and force of a rig at rest; the memory of the effects begins here."""
+    """Compute gas volumes and force of a rig at rest; reset the memory of the effects."""
     feel(rig, state)
     gas_volumes(rig, model, state, state.air.volume)
     state.force = bundle_force(model, state, state.motion.strain_rate, True)
@@ -107,7 +106,7 @@ def rig_step(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults:
         Its memory is advanced in place.
     state : RigState
     commands : vector (n,), -1..1
-        Of the valves; a rig that is stopped exhausts instead.
+        Valve commands; a stopped rig exhausts instead.
     faults : FaultRecord
     duration : float, s
     """
@@ -122,9 +121,9 @@ def rig_step(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults:
 
 def set_valves(rig: Any, state: Any, commands: Any, faults: Any, time: float) -> None:
     """
-    Give the valves their commands as they arrive at ``time`` (s), behind dead time and backlash.
+    Set the valve commands at ``time`` (s), after dead time and backlash.
 
-    Exhaust while stopped; what is stuck does not move.
+    A stopped rig exhausts; stuck valves do not move.
     """
     late = rig.air.delay > 0.0
     if late:
@@ -150,7 +149,7 @@ def set_valves(rig: Any, state: Any, commands: Any, faults: Any, time: float) ->
 
 def imposed_steps(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
                   duration: float, count: int) -> None:
-    """Advance while a test machine imposes the strain; work by the trapezium rule."""
+    """Advance with a strain imposed by a test machine; work by the trapezium rule."""
     dt, start = duration / count, state.time
     for k in range(count):
         strain, force = state.motion.strain, state.force
@@ -166,8 +165,8 @@ def moving_steps(rig: Any, load: Any, model: Any, state: Any, commands: Any, fau
     """
     Advance by steps of half drift, kick, half drift; the halves between two kicks are one drift.
 
-    A kick's force times the distance of its two halves is the work: with the midpoint rule in
-    the kick it equals what the load gains, to rounding.
+    The work is a kick's force times the distance of its two halves: with the midpoint rule in
+    the kick it equals the energy gained by the load, up to rounding.
     """
     dt, start, force = duration / count, state.time, 0.0
     for k in range(count + 1):
@@ -181,13 +180,13 @@ def moving_steps(rig: Any, load: Any, model: Any, state: Any, commands: Any, fau
         if k < count:
             force = kick_step(rig, load, model, state, dt)
             state.work += force * way * (1.0 - past / part)
-    # The last kick was half a step ago: the force now, and the memory as it is.
+    # The last kick was half a step ago: compute the present force, without a memory update.
     state.force = bundle_force(model, state, state.motion.strain_rate, False)
 
 
 def drift_with_air(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
                    dt: float, past: float) -> None:
-    """Move the load by ``dt`` at its speed, and the air while the gas volumes follow."""
+    """Move the load by ``dt`` (s) at its speed, and advance the air with the gas volumes."""
     set_valves(rig, state, commands, faults, state.time - dt)
     drift(load, state.motion, dt, past)
     if rig.swells:
@@ -204,7 +203,7 @@ def drift_with_air(rig: Any, load: Any, model: Any, state: Any, commands: Any, f
 
 
 def feel(rig: Any, state: Any) -> None:
-    """Fill the gauge pressures as the muscles feel them: none is sucked below ambient."""
+    """Compute the gauge pressures in the muscles, at least 0."""
     for i in range(len(state.gauge)):
         state.gauge[i] = max(state.air.pressure[i] - rig.air.ambient, 0.0)
 
@@ -223,20 +222,20 @@ def guard(rig: Any, state: Any) -> None:
 
 def gas_volume(near_volume: float, model: Any, state: Any, unit: int) -> float:
     """Return the gas volume of a motor unit with tubing at the present strain, m^3."""
-    # A slice: numba passes an array that lies in a record to no function pointer.
+    # A slice, since numba cannot pass an array field of a record to a function pointer.
     return near_volume + max(0.0, model.volume(
         unit, state.motion.strain, state.gauge[:], state.time, model.shape, model.parameters,
         model.tables))
 
 
 def gas_volumes(rig: Any, model: Any, state: Any, out: Any) -> None:
-    """Put the gas volumes at the present strain and pressures into ``out``, m^3."""
+    """Write the gas volumes at the present strain and pressures to ``out``, m^3."""
     for i in range(len(out)):
         out[i] = gas_volume(rig.near_volume, model, state, i)
 
 
 def gas_compliances(model: Any, state: Any) -> None:
-    """Fill dV/dp of each gas volume at the present strain, m^3/Pa."""
+    """Compute dV/dp of each gas volume at the present strain, m^3/Pa."""
     for i in range(len(state.gauge)):
         pressure = state.gauge[i]
         here = gas_volume(0.0, model, state, i)
@@ -247,9 +246,9 @@ def gas_compliances(model: Any, state: Any) -> None:
 
 def settle_volumes(rig: Any, model: Any, state: Any) -> None:
     """
-    Let volumes that swell with pressure agree with it, at constant p V^g.
+    Make volume and pressure consistent at constant p V^g, where the volume depends on pressure.
 
-    The circuit took them as linear in the pressure. Newton's method in ln p.
+    The circuit assumed volumes linear in the pressure. Newton's method in ln p.
     """
     air, exponent = state.air, rig.air.chamber.volume_exponent
     for i in range(len(state.gauge)):
@@ -268,7 +267,7 @@ def settle_volumes(rig: Any, model: Any, state: Any) -> None:
 # --- forces ------------------------------------------------------------------------------------
 
 def bundle_force(model: Any, state: Any, strain_rate: float, start: bool) -> float:
-    """Return the tension of all motor units now, N, if the load moved at ``strain_rate``."""
+    """Return the present tension of all motor units, N, at a ``strain_rate`` (1/s)."""
     total, pressure = 0.0, state.gauge[:]
     shape, parameters, tables, memory, after = (
         model.shape, model.parameters, model.tables, model.memory, model.after)
@@ -280,7 +279,7 @@ def bundle_force(model: Any, state: Any, strain_rate: float, start: bool) -> flo
 
 
 def remember(model: Any, state: Any) -> None:
-    """Keep the memory of the last `bundle_force`."""
+    """Store the memory of the last `bundle_force`."""
     state.memory_time = state.time
     for i in range(len(model.memory)):
         for j in range(len(model.memory[i])):
@@ -289,11 +288,11 @@ def remember(model: Any, state: Any) -> None:
 
 def kick_step(rig: Any, load: Any, model: Any, state: Any, dt: float) -> float:
     """
-    Let bundle and load accelerate the load for ``dt``; return the bundle's force, N.
+    Accelerate the load for ``dt`` (s); return the bundle's force, N.
 
-    Implicit midpoint rule in the speeds. Backward Euler where that would overshoot: where the
-    force falls so steeply with the rate that dt times the decay rate is above 2 (dry friction
-    that sticks), and where the rate changes sign, which is where friction is steepest.
+    Implicit midpoint rule in the speeds; backward Euler where that would overshoot: where the
+    force falls so steeply with the rate that dt times the decay rate is above 2 (stiction), and
+    where the rate changes sign, where friction is steepest.
     """
     motion = state.motion
     share, rate, place_rate, force = 0.5, 0.0, 0.0, 0.0
@@ -303,7 +302,7 @@ def kick_step(rig: Any, load: Any, model: Any, state: Any, dt: float) -> float:
         force, slope = solve_rate(rig, load, model, state, share * dt)
         rate, place_rate = kick(load, motion, share * dt, force, rig.length)
         rate = motion.strain_rate + (rate - motion.strain_rate) / share
-        # The gap of `solve_rate` has the slope -1 - (decay of the bundle's force)/(1 + own).
+        # The residual of `solve_rate` has the slope -1 - (decay of the bundle's force)/(1 + own).
         steep = (own - (slope + 1.0) * (1.0 + own) > 2.0 * share
                  or (rig.rate_matters and rate * motion.strain_rate < 0.0))
         if steep == state.steep or (state.steep and trial > 0):
@@ -319,11 +318,11 @@ def kick_step(rig: Any, load: Any, model: Any, state: Any, dt: float) -> float:
 
 def solve_rate(rig: Any, load: Any, model: Any, state: Any, dt: float) -> tuple[float, float]:
     """
-    Return the bundle's force with rate = kick(force(rate)) over ``dt``, and the gap's slope.
+    Solve rate = kick(force(rate)) over ``dt``; return the bundle's force and the residual's slope.
 
-    One evaluation where the force knows no rate; else secants on the gap between the two sides,
-    which falls with the rate for any force that dissipates, between a change of sign those of
-    the Illinois rule. The slope of the step before gives the first one.
+    One evaluation where the force does not depend on the rate; else the secant method on the
+    residual, which falls with the rate for any dissipative force; with a bracketed root the
+    Illinois rule. The first step uses the slope of the time step before.
     """
     motion, length = state.motion, rig.length
     begun = low = motion.strain_rate
@@ -360,7 +359,7 @@ def solve_rate(rig: Any, load: Any, model: Any, state: Any, dt: float) -> tuple[
 # --- channels ----------------------------------------------------------------------------------
 
 def true_channels(rig: Any, state: Any, out: Any) -> None:
-    """Put the true value of every sensor channel into ``out``; pressures gauge, at the valves."""
+    """Write the true value of every sensor channel to ``out``; pressures gauge, at the valves."""
     out[FORCE], out[STRAIN] = state.force, state.motion.strain
     out[SUPPLY] = state.air.manifold - rig.air.ambient
     apart = rig.air.chamber.line_volume > 0.0

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One proportional valve with its spool, one chamber, and what follows from them in closed form.
+Configuration of one proportional valve and one chamber, with results in closed form.
 
 The flow law itself is `fam_bundle_ros.model.pneumatics`, shared with the controller. Pressures
 of the public functions here are GAUGE, as everywhere in the package outside the flow law.
@@ -25,17 +25,17 @@ from fam_bundle_ros.plant.checks import require
 @dataclass(frozen=True)
 class ValveConfig(ValveFlow):
     """
-    A 3-way proportional valve: its flow (`ValveFlow`) and how fast its spool follows.
+    A 3-way proportional valve: its flow (`ValveFlow`) and the dynamics of its spool.
 
     Parameters
     ----------
     bandwidth : float, Hz
-        Frequency at which the spool follows at -3 dB.
+        Bandwidth of the spool at -3 dB.
     damping : float
         Damping ratio of the spool, below 1.
     hysteresis : float
-        Backlash between command and spool: a command that turns must go back by so much before
-        the spool moves.
+        Backlash between command and spool: after a reversal the command must change by this much
+        before the spool moves.
     delay : float, s
         Dead time of all commands: bus, driver, amplifier. They act at the rig's next own step.
     """
@@ -78,12 +78,12 @@ class ChamberConfig:
     inflow_exponent, outflow_exponent, volume_exponent : float
         g_in, g_out, g_v; 1 is isothermal, 1.4 adiabatic.
     relief_pressure : float, Pa (gauge)
-        Where the mechanical relief valve begins to open.
+        Pressure at which the mechanical relief valve begins to open.
     relief_band : float, Pa
-        Over this much more it opens fully, to the valve's conductance.
+        Further rise of pressure at which it is fully open, with the valve's conductance.
     line_volume : float, m^3
-        Part of ``tube_volume`` that lies at the valve, with the pressure sensor, before a
-        restriction; 0 where the line is so wide that there is one pressure.
+        Part of ``tube_volume`` between valve and a restriction, with the pressure sensor; 0 for
+        a line without a pressure drop.
     line_conductance, line_ratio : float, m^3/(s Pa) and 1
         Sonic conductance and critical pressure ratio of that restriction after ISO 6358.
     """
@@ -110,7 +110,7 @@ class ChamberConfig:
 @dataclass(frozen=True)
 class ChamberLinearisation:
     """
-    The chamber at an operating point, as a control engineer writes it.
+    Linear model of the chamber at an operating point.
 
     dp/dt = gain (opening) - p/time_constant: an integrator where the flow is choked (infinite
     time constant), a first-order lag where it is not. The spool comes before it.
@@ -119,7 +119,7 @@ class ChamberLinearisation:
     #: Pa/s per unit of opening on the fill side and on the exhaust side.
     fill_gain: float
     exhaust_gain: float
-    #: s, at the opening asked for.
+    #: s, at the given opening.
     fill_time_constant: float
     exhaust_time_constant: float
     #: rad/s and 1 of the spool.
@@ -141,7 +141,7 @@ def linearise(pressure: float, volume: float, supply: float,
         Gas volume with tubing, taken as constant.
     valve : ValveConfig
     opening : float
-        Opening (beyond the dead band, 0..1) at which the time constants hold; they go with
+        Opening (beyond the dead band, 0..1) for the time constants, which are proportional to
         1/opening.
     ambient : float, Pa (absolute)
 
@@ -177,7 +177,7 @@ def fastest_rise(start: float, end: float, volume: float, supply: float,
     Return the least time, s, in which the open valve can fill a chamber of constant volume.
 
     Closed form: choked (constant rate), then the quarter ellipse of ISO 6358 (an arc sine),
-    then the linear region (a logarithm). The spool's own delay is not in it.
+    then the linear region (a logarithm). Without the spool's own delay.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def fastest_fall(start: float, end: float, volume: float,
         return 0.0
     if end <= 0.0:
         return math.inf
-    # In x = log(p - ambient) the integrand stays finite up to ambient: trapezium rule.
+    # In x = log(p - ambient) the integrand is finite down to ambient: trapezium rule.
     low, high = math.log(end), math.log(start)
     count = max(8, int(64 * (high - low)))
     width = (high - low) / count

@@ -3,9 +3,9 @@
 """
 The simulated rig as an object: a plant with its valves, supply, load and sensors.
 
-The equations are kernels: `fam_bundle_ros.plant.circuit` the air, `loads` the load, `motion` both
-with the bundle's force, `sensors` the instruments. `Rig` holds their state and checks what it is
-given. Deterministic: the same seed and the same calls give the same bytes.
+The equations are kernels: `fam_bundle_ros.plant.circuit` for the air, `loads` for the load,
+`motion` for both with the bundle's force, `sensors` for the instruments. `Rig` holds their state
+and checks its arguments. Deterministic: the same seed and the same calls give the same bytes.
 """
 
 from collections.abc import Sequence
@@ -52,13 +52,13 @@ from fam_bundle_ros.plant.supply import SupplyConfig
 @dataclass(frozen=True)
 class RigConfig:
     """
-    Everything about a simulated rig but the bundle.
+    Configuration of a simulated rig without the bundle.
 
     Parameters
     ----------
     load : Load
     valve : ValveConfig
-        One kind for all motor units.
+        The same for all motor units.
     chamber : ChamberConfig
     supply : SupplyConfig
     sensors : SensorConfig
@@ -66,7 +66,7 @@ class RigConfig:
         Longest internal step.
     ambient_pressure : float, Pa (absolute)
     trip_pressure : float, Pa (gauge)
-        A chamber above it stops the rig.
+        Pressure of a chamber above which the rig is stopped.
     """
 
     load: Load = field(default_factory=Dynamometer)
@@ -84,15 +84,15 @@ class RigConfig:
         require(self, 'trip_pressure', above=0.0)
 
 
-#: Pa: largest pressure of the muscles that the default rig is for (Kim et al. 2021).
+#: Pa: largest muscle pressure for which the default rig is designed (Kim et al. 2021).
 _USUAL = 344.7e3
 
 
 def rig_for(bundle: Any) -> RigConfig:
     """
-    Return the default rig, its supply, trip and relief valves in proportion to a bundle's limit.
+    Return the default rig, with supply, trip and relief pressures scaled to a bundle's limit.
 
-    They are never lower than those of the default rig, which is for 344.7 kPa.
+    At least those of the default rig, which is designed for 344.7 kPa.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def _dependences(plant, model) -> tuple[bool, bool]:
 
 
 def _gauge_errors(plant) -> tuple[list[float], list[float], list[float], list[float]]:
-    """Return gain, offset, drift and lag of each channel of a plant whose gauges err."""
+    """Return gain, offset, drift (1/s) and lag (s) of each channel of a plant's gauges."""
     def shown(true: float, time: float) -> np.ndarray:
         force, strain, pressure = plant.readings(true, true, np.full(plant.n, true), time)
         return np.array([force, strain, true, *np.broadcast_to(pressure, plant.n)], float)
@@ -147,13 +147,13 @@ class Rig:
     Parameters
     ----------
     bundle : Bundle or ForeignPlant
-        Every effect that it names acts here: the muscles' in the force, `leak` and
+        All its effects are simulated: those of the muscles in the force, `leak` and
         `supply_droop` in the air, sensor effects in the readings.
     config : RigConfig
     seed : int
-        Of the sensors' noise.
+        Seed of the sensors' noise.
     faults : Faults, optional
-        What is broken from the start.
+        Faults from the start.
 
     Attributes
     ----------
@@ -163,9 +163,9 @@ class Rig:
         Rest length of the bundle, m.
     record, state, sensors, shown : RigRecord, RigState, SensorRecord, SensorState
     model : Model
-        These are what kernels take.
+        Records for kernels.
     draws : Draws
-        Random numbers of the instruments, those of the samples to come.
+        Random numbers of the instruments for the next samples.
 
     Examples
     --------
@@ -189,7 +189,7 @@ class Rig:
         self.reset()
 
     def _describe(self) -> None:
-        """Work out the records of bundle and configuration."""
+        """Compute the records of bundle and configuration."""
         bundle, config = self.bundle, self.config
         air = AirConfig.of(config.valve, config.chamber, config.supply, config.ambient_pressure,
                            bundle.pneumatics.supply_resistance)
@@ -200,7 +200,7 @@ class Rig:
         self.sensors = SensorRecord.of(config.sensors, *_gauge_errors(bundle))
 
     def reset(self) -> None:
-        """Return to the start: at rest, vented, seed as new, not stopped. Faults stay."""
+        """Return to the initial state: at rest, vented, seeded, not stopped. Faults stay."""
         self.load, n = self.config.load, self.bundle.n
         self._load = self.load.record
         self.model = self.bundle.model(False)
@@ -220,28 +220,28 @@ class Rig:
 
     @property
     def truth(self) -> Readings:
-        """What perfect sensors would show now."""
+        """True values: readings of ideal sensors now."""
         motion = self.state.motion
         return self._as_readings(self._true(), motion.strain_rate)
 
     @property
     def air(self) -> AirBalance:
-        """Where the air went so far."""
+        """Air balance since the start."""
         return self.state.air.balance
 
     @property
     def air_mass(self) -> float:
-        """Air that the valves have taken from the supply so far, kg."""
+        """Air drawn by the valves from the supply since the start, kg."""
         return self.state.air.balance.delivered
 
     @property
     def work(self) -> float:
-        """Done on the load so far, J."""
+        """Work done on the load since the start, J."""
         return self.state.work
 
     @property
     def e_stopped(self) -> str:
-        """Why the rig was stopped; empty while it runs."""
+        """Reason of the stop; empty while the rig runs."""
         return stop_text(self.state, self.bundle, self.config, self._e_stop_reason)
 
     def step(self, valve_commands: Sequence[float], duration: float) -> Readings:
@@ -262,7 +262,7 @@ class Rig:
         ------
         InputError
             For a wrong number of commands, a command that is not finite, a duration that is not
-            positive, or a fault of a motor unit that is not there.
+            positive, or a fault of a motor unit that does not exist.
         """
         commands = self._checked(valve_commands)
         if not 0.0 < duration < math.inf:
@@ -278,12 +278,12 @@ class Rig:
 
     def impose_strain(self, strain: float, rate: float | None = None) -> None:
         """
-        Let the dynamometer go to a strain at a strain rate (its own largest by default).
+        Move the dynamometer to a strain at a strain rate, 1/s (by default `Dynamometer.speed`).
 
         Raises
         ------
         InputError
-            When the load is not a dynamometer or cannot go there.
+            When the load is not a dynamometer or the strain is out of its range.
         """
         if not isinstance(self.load, Dynamometer):
             raise InputError(f'the load is a {type(self.load).__name__}; '
@@ -292,26 +292,26 @@ class Rig:
 
     def change_load(self, **changes: float) -> None:
         """
-        Change the load in motion, for example ``change_load(mass=8.0)``: a load step.
+        Change the load during motion (load step), for example ``change_load(mass=8.0)``.
 
         Raises
         ------
         InputError
-            When the load has no such value or it is out of range.
+            When the load has no such parameter or its value is out of range.
         """
         self.load = changed_load(self.load, changes)
         self._load = self.load.record
 
     def change_bundle(self, bundle: Any) -> None:
         """
-        Go on with other muscles in place: strain, pressures, load and noise stay as they are.
+        Exchange the bundle: strain, pressures, load and noise are kept.
 
-        The memory of their effects begins here.
+        The memory of the effects is reset.
 
         Raises
         ------
         InputError
-            When the bundle has other motor units or another rest length.
+            When the bundle has another number of motor units or another rest length.
         """
         if (bundle.n, float(bundle.length)) != (self.bundle.n, self.length):
             raise InputError(f'{bundle.n} motor units of {1e3 * float(bundle.length):g} mm; the '
@@ -322,7 +322,7 @@ class Rig:
         begin(self.record, self.model, self.state)
 
     def tare(self) -> None:
-        """Zero the force reading at the present force (as the mean of many samples would)."""
+        """Zero the force reading at the present force, without noise."""
         sensors = self.sensors
         self.shown.tare = (sensors.gain[FORCE] * self.state.force + sensors.offset[FORCE]
                            + sensors.drift[FORCE] * self.state.time + sensors.bias[FORCE])
@@ -332,7 +332,7 @@ class Rig:
         self.state.air.dumping = not open_ or self.state.reason != RUNNING
 
     def e_stop(self, reason: str = 'emergency stop') -> None:
-        """Shut off and dump the supply, switch all valves to exhaust, and stay so."""
+        """Shut off and dump the supply, and switch all valves to exhaust until `e_stop_reset`."""
         if self.state.reason == RUNNING:
             self.state.reason, self._e_stop_reason = E_STOP, reason
         self.state.air.dumping = True
@@ -344,7 +344,7 @@ class Rig:
         Returns
         -------
         bool
-            False, and still stopped, while a chamber is above the trip pressure.
+            False (still stopped) while a chamber is above the trip pressure.
         """
         if max(self.state.gauge) > self.config.trip_pressure:
             return False
@@ -352,7 +352,7 @@ class Rig:
         return True
 
     def _faults(self) -> FaultRecord:
-        """Return what is broken now; worked out anew when it has changed."""
+        """Return the record of the present faults; updated when they have changed."""
         if self._known != self.faults:
             self._known = copy.deepcopy(self.faults)
             self._broken = fault_record(self.faults, self.bundle.pneumatics.leak_rate,
@@ -387,7 +387,7 @@ class Rig:
 
 
 def changed_load(load: Load, changes: dict[str, float]) -> Load:
-    """Return a load with other values; InputError when it has none of that name."""
+    """Return a load with changed parameters; InputError for an unknown name."""
     try:
         return replace(load, **changes)  # type: ignore[type-var]
     except TypeError as error:
@@ -396,7 +396,7 @@ def changed_load(load: Load, changes: dict[str, float]) -> Load:
 
 
 def stop_text(state: Any, plant: Any, config: RigConfig, e_stop_reason: str) -> str:
-    """Return in words why a rig is stopped; empty while it runs."""
+    """Return the reason of a stop as text; empty while the rig runs."""
     if state.reason == OVER_PRESSURE:
         return (f'{plant.names[state.tripped_unit]} at {state.tripped_pressure / 1e3:.0f} kPa, '
                 f'above the trip of {config.trip_pressure / 1e3:.0f} kPa')

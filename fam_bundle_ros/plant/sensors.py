@@ -20,9 +20,9 @@ from fam_bundle_ros.plant.lines import DelayLine, find, lag, PLACES, put, read_b
 #: Channels before the pressures of the motor units, and the index of each.
 FORCE, STRAIN, SUPPLY, PRESSURE = range(4)
 _BLOCK = 1024
-#: s between two spikes of a channel with that fault.
+#: s between two spikes of a channel (`Faults.spike`).
 SPIKE_INTERVAL = 0.1
-#: Added and taken off again, it rounds a float to a whole number (half to even, as `round`).
+#: Adding and subtracting it rounds a float to an integer (half to even, as `round`).
 _ROUNDER = 1.5 * 2.0 ** 52
 
 
@@ -47,7 +47,7 @@ class Readings:
 
     Notes
     -----
-    A channel that has dropped out is nan.
+    A channel without a reading (dropout) is nan.
     """
 
     time: float
@@ -69,13 +69,13 @@ class SensorConfig:
     force_noise, pressure_noise, strain_noise : float, N, Pa, 1
     force_bias, pressure_bias, strain_bias : float, N, Pa, 1
     force_resolution, pressure_resolution, strain_resolution : float, N, Pa, 1
-        Readings come in multiples of these; 0 for none.
+        Readings are multiples of these; 0 for no quantisation.
     force_lag, pressure_lag, strain_lag : float, s
         Time constant of the first-order lag of instrument and amplifier; 0 for none.
     delay : float, s
-        Dead time of all readings: conversion, bus, driver. They keep their stamps.
+        Dead time of all readings (conversion, bus, driver), which keep their stamps.
     rate_cutoff : float, Hz
-        Of the first-order low-pass behind the differentiated strain.
+        Cut-off of the first-order low-pass on the differentiated strain.
     dropout : float
         Probability that a channel has no reading in a sample.
     on_dropout : str
@@ -119,17 +119,17 @@ class SensorConfig:
 
 @dataclass
 class SensorRecord:
-    """Constants of the instruments as kernels read them; one value a channel in the lists."""
+    """Constants of the instruments for kernels; lists have one value per channel."""
 
-    #: Effects of the plant's own model on its gauges: shown = gain x true + offset + drift t.
+    #: Sensor effects of the plant's own model: reading = gain x true + offset + drift t.
     gain: list[float]
     offset: list[float]
     drift: list[float]
-    #: Of the instruments (`SensorConfig`).
+    #: Errors of the instruments (`SensorConfig`).
     bias: list[float]
     noise: list[float]
     resolution: list[float]
-    #: s, of each channel; of all; whether there is any of either.
+    #: s, lag of each channel; delay of all; whether any of them is above 0.
     lag: list[float]
     delay: float
     late: bool
@@ -140,7 +140,7 @@ class SensorRecord:
     @classmethod
     def of(cls, config: SensorConfig, gain: list[float], offset: list[float],
            drift: list[float], late: list[float]) -> 'SensorRecord':
-        """Return the constants; those of the plant's gauges have a value for each channel."""
+        """Return the constants; lists (c,) are the errors of the plant's gauges, ``late`` in s."""
         c, pressures = config, len(gain) - 2
         lags = [own + of_plant for own, of_plant in zip(
             [c.force_lag, c.strain_lag] + [c.pressure_lag] * pressures, late)]
@@ -160,30 +160,30 @@ class SensorState:
     shown: list[float]
     #: The same without faults.
     sound: list[float]
-    #: 1/s, nan without a strain reading.
+    #: 1/s; nan without a strain reading.
     strain_rate: float
-    #: State of the rate's filter, 1/s; the strain reading before and when it was.
+    #: State of the rate's filter, 1/s; last strain reading and its time.
     filtered: float
     last_strain: float
     last_time: float
-    #: N, taken off the force reading.
+    #: N, subtracted from the force reading.
     tare: float
-    #: Of instruments with lag or delay: behind the lag, and behind both; true values before, and
-    #: when they were, s; readings on their way.
+    #: Instruments with lag or delay: output of the lag; output of both; last true values and their
+    #: time, s; delay line.
     lagged: list[float]
     late: list[float]
     before: list[float]
     felt_at: float
     line: DelayLine
-    #: Of faults: sound readings on their way; s, when a drift or the spikes of a channel began,
-    #: nan without them; how many spikes there were.
+    #: Faults: delay line of readings without faults; start of a drift or of spikes of a channel,
+    #: s, nan without them; number of spikes.
     held_up: DelayLine
     since: list[float]
     spikes: list[float]
 
     @classmethod
     def fresh(cls, channels: int) -> 'SensorState':
-        """Return instruments that have shown nothing yet."""
+        """Return the initial state, without readings."""
         return cls([math.nan] * channels, [math.nan] * channels, math.nan, 0.0, math.nan,
                    math.nan, 0.0, [0.0] * channels, [0.0] * channels, [0.0] * channels, math.nan,
                    DelayLine.empty(channels), DelayLine.empty(channels), [math.nan] * channels,
@@ -193,7 +193,7 @@ class SensorState:
 def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, normal: Any,
                  chance: Any) -> None:
     """
-    Take one sample of all instruments; ``state`` holds what they show.
+    Take one sample of all instruments; ``state`` receives the readings.
 
     Parameters
     ----------
@@ -204,8 +204,8 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, n
     time : float, s
     faults : FaultRecord
     normal, chance : vector (c,)
-        Random numbers of this sample: standard normal, and uniform in 0..1. A sample takes them
-        whatever is switched on, so that a fault never changes the noise of another channel.
+        Random numbers of this sample: standard normal, and uniform in 0..1. They are drawn in
+        every case, so that a fault never changes the noise of another channel.
     """
     if config.late:
         feel_late(config, state, true, time)
@@ -234,7 +234,7 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, n
 
 def spoil(faults: Any, state: Any, time: float, chance: Any) -> None:
     """
-    Fill ``state.shown`` with what broken instruments make of the sound readings.
+    Apply the faults to the readings ``state.sound``; write ``state.shown``.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def spoil(faults: Any, state: Any, time: float, chance: Any) -> None:
     state : SensorState
     time : float, s
     chance : vector (c,)
-        As of `read_sensors`.
+        As for `read_sensors`.
     """
     if faults.longest > 0.0:
         put(state.held_up, time, state.sound, faults.longest)
@@ -269,13 +269,13 @@ def spoil(faults: Any, state: Any, time: float, chance: Any) -> None:
             value = math.nan
         elif (not math.isnan(state.shown[i])
               and (faults.held[i] != 0 or 1.0 - chance[i] < faults.skipped[i])):
-            # A frozen channel repeats; where a message is lost the reader keeps the one before.
+            # A frozen channel repeats; after a lost message the reader keeps the last reading.
             continue
         state.shown[i] = value
 
 
 def feel_late(config: Any, state: Any, true: Any, time: float) -> None:
-    """Put what lag and delay let through at ``time`` (s) into ``state.late``."""
+    """Apply lag and delay to the true values at ``time`` (s); write ``state.late``."""
     dt = time - state.felt_at
     for i in range(len(true)):
         if math.isnan(dt):
@@ -289,7 +289,7 @@ def feel_late(config: Any, state: Any, true: Any, time: float) -> None:
 
 
 def filter_rate(config: Any, state: Any, time: float) -> None:
-    """Differentiate the strain reading and low-pass it; afresh after a reading that was lost."""
+    """Differentiate the strain reading and low-pass it; reset after a lost reading."""
     strain, before, at = state.shown[STRAIN], state.last_strain, state.last_time
     state.last_strain, state.last_time = strain, time
     if math.isnan(strain):
@@ -329,7 +329,7 @@ class Draws:
         return rows
 
     def row(self) -> list[list[float]]:
-        """Return the next row of each."""
+        """Return the next row of normal and of uniform numbers."""
         return self.rows(1)[:, 0].tolist()
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The shared supply: a manifold fed by a regulator, and the energy that is taken from it."""
+"""The shared supply: a manifold fed by a regulator, and the energy drawn from it."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,8 @@ class SupplyConfig:
     """
     A manifold of finite volume that all valves share, fed by a pressure regulator.
 
-    The regulator passes (pressure - manifold)/resistance, never backwards and never more than
-    its flow limit: that is the droop.
+    The flow of the regulator is (pressure - manifold)/resistance (droop), between 0 and its flow
+    limit.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class SupplyConfig:
 
 def air_energy(air_mass: float, supply_pressure: float, ambient: float = ATMOSPHERE) -> float:
     """
-    Return P_s V of the air taken from a supply, J: the volume counted at supply pressure.
+    Return P_s V of the air drawn from a supply, J, with the volume V at supply pressure.
 
     Parameters
     ----------
@@ -64,16 +64,20 @@ def air_energy(air_mass: float, supply_pressure: float, ambient: float = ATMOSPH
 
 def available_energy(air_mass: float, supply_pressure: float,
                      ambient: float = ATMOSPHERE) -> float:
-    """Return the most work, J, that the air can do at room temperature: m R T ln(p_s/p_a)."""
+    """
+    Return the largest work, J, of the air at room temperature: m R T ln(p_s/p_a).
+
+    Arguments as for `air_energy`.
+    """
     return air_mass * RT * float(np.log1p(supply_pressure / ambient))
 
 
 def liquid_energy(volume, pressure, supply_pressure: float, threshold: float = 5e3) -> float:
     """
-    Return P_s V, J, that the same motion would take from a supply of incompressible fluid.
+    Return P_s V, J, that the same motion would draw from a supply of incompressible fluid.
 
-    A liquid need not be compressed: a motor unit under pressure takes in what its volume grows
-    by, at supply pressure, and gives nothing back; a vented one breathes from the tank for free.
+    A motor unit under pressure draws the increase of its volume at supply pressure, and returns
+    nothing to the supply; a vented one exchanges fluid with the tank without energy.
 
     Parameters
     ----------

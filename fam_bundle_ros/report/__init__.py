@@ -3,5 +3,5 @@
 """
 Figures (plotly) and the self-contained HTML report.
 
-Plotly is imported by the modules that draw, not here: the palette serves pages that do not plot.
+Plotly is imported by the modules that draw, not here, as pages without figures use the palette.
 """

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of ``fam_bundle bench``: every figure beside its peer and what is to be reached."""
+"""The page of ``fam_bundle bench``: every figure with its peer and its target."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,8 +9,8 @@ from fam_bundle_ros.benchmarks.speed import Result
 from fam_bundle_ros.report.page import Page, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
-#: Of `Figure.cells`.
-FIGURE_HEAD = ('what', 'measured', 'unit', 'beside', 'of', 'ratio', 'to reach', '')
+#: Column titles of `Figure.cells`.
+FIGURE_HEAD = ('what', 'measured', 'unit', 'peer', 'its value', 'ratio', 'target', '')
 
 
 def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
@@ -21,7 +21,7 @@ def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
     ----------
     results : sequence of Result
     machine : mapping
-        What they were measured on.
+        Description of the machine.
     """
     asked = [figure for result in results for figure in result.figures
              if figure.reached is not None]
@@ -31,7 +31,7 @@ def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
             Table(FIGURE_HEAD, [figure.cells for figure in result.figures])]
                 if result.figures else [])
         for result in results]
-    return Page('How fast the parts run',
-                f'{reached} of {len(asked)} figures are reached. Ratios were measured in one run '
-                'on one machine; the shortest of repeats counts.', (), sections,
+    return Page('Speed of the parts',
+                f'{reached} of {len(asked)} targets are reached. Ratios were measured in one run '
+                'on one machine; the shortest of several repeats is used.', (), sections,
                 provenance((), [(name, str(value)) for name, value in machine.items()]))

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a campaign: which muscles lack what, what parameters go with, errors."""
+"""Pictures of a campaign: missing effects by muscle, correlations of parameters, errors."""
 
 from collections.abc import Sequence
 
@@ -11,21 +11,21 @@ from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.campaign import Campaign
 from fam_bundle_ros.campaign.trends import Trend
 
-#: Effects that have a column; the others are rarer.
+#: Largest number of effects with a column, the most frequent ones.
 _MOST_EFFECTS = 14
-#: More muscles than this are not named on the axis: hovering names them.
+#: Largest number of muscles that are named on the axis; of more, only hovering shows names.
 _MOST_NAMES = 60
 _COLUMNS = 3
-#: The axis of a parameter reaches so many times beyond its values.
+#: Factor by which the axis of a parameter extends beyond its values.
 _AROUND = 2.0
 _BLUE = palette.recruitment_state(1)
 
 
 def lacking(result: Campaign) -> go.Figure | None:
     """
-    Draw the probability of each effect for each muscle, and mark what is named or tied.
+    Draw the probability of each effect for each muscle, and mark named and tied effects.
 
-    Muscles that lack the same effects stand together. None where no effect is named or tied.
+    Muscles that lack the same effects are adjacent. None if no effect is named or tied.
     """
     names = [share.effect for share in result.shares][:_MOST_EFFECTS]
     muscles = result.muscles
@@ -66,7 +66,7 @@ def lacking(result: Campaign) -> go.Figure | None:
 
 
 def over_facts(found: Sequence[Trend]) -> go.Figure:
-    """Draw parameters over the number that they go with, a point for each muscle, and the fit."""
+    """Draw parameters over the number that they correlate with, by muscle, and the fit."""
     columns = min(_COLUMNS, len(found))
     rows = -(-len(found) // columns)
     drawing = plotting.panels(rows, columns, 60 + 280 * rows, showlegend=False,
@@ -85,7 +85,7 @@ def over_facts(found: Sequence[Trend]) -> go.Figure:
                                         plotting.INK, 'dash', 1.4, hoverinfo='skip'), **where)
         unit = f' ({trend.unit})' if trend.unit else ''
         drawing.update_xaxes(type='log', title_text=trend.fact, nticks=6, **where)
-        # an interval that the data leave wide open must not press all points into a line
+        # the range ignores intervals, as a very wide one would compress the points to a line
         ends = np.log10([y.min() / _AROUND, y.max() * _AROUND]).tolist()
         drawing.update_yaxes(type='log', title_text=f'{trend.parameter}{unit}', nticks=6,
                              range=ends, **where)
@@ -93,13 +93,13 @@ def over_facts(found: Sequence[Trend]) -> go.Figure:
 
 
 def errors(result: Campaign) -> go.Figure:
-    """Draw the error of the model, recalibrated and at best, and the noise, of each recording."""
+    """Draw for each recording the model's error, recalibrated and best, and the noise."""
     rows = sorted(result.counted, key=lambda row: -row['model_error_N'])
     drawing = plotting.figure('recording, the worst first', 'error (N)', 380)
     for key, name, colour, symbol in (
-            ('model_error_N', 'model as it is', palette.CONTROLLERS[1], 'circle'),
+            ('model_error_N', 'present model', palette.CONTROLLERS[1], 'circle'),
             ('recalibrated_error_N', 'recalibrated', palette.CONTROLLERS[2], 'diamond'),
-            ('best_error_N', 'with what was found', _BLUE, 'circle'),
+            ('best_error_N', 'with the effects found', _BLUE, 'circle'),
             ('noise_floor_N', 'noise floor', palette.NEUTRAL['faint'], 'line-ew-open')):
         drawing.add_trace(plotting.points(
             list(range(1, len(rows) + 1)), [row[key] for row in rows], name, colour, 6.0, symbol,

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of ``fam_bundle campaign``: which muscles lack which effect, what goes with what."""
+"""The page of ``fam_bundle campaign``: which muscles lack which effect, and correlations."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
-#: Trends that are drawn; the others are in the table.
+#: Largest number of trends that are drawn; all are in the table.
 _DRAWN = 6
 #: Longer tables are folded.
 _LONG = 40
@@ -42,12 +42,12 @@ def campaign_page(result: Campaign, files: Sequence[tuple[str, str | Path]] = ()
     computed = f'{result.computed} of {len(result.recordings)}'
     return Page(f'What {result.model.name} is missing, over {len(result.recordings)} recordings',
                 _lead(result), _headline(result), sections,
-                provenance(files, [*more, ('worked on in this run', computed)]))
+                provenance(files, [*more, ('computed in this run', computed)]))
 
 
 def _lead(result: Campaign) -> str:
     words = [f'{counted(len(result.counted), "recording")} of '
-             f'{counted(len(result.muscles), "muscle")} count.']
+             f'{counted(len(result.muscles), "muscle")} were evaluated.']
     named = [share for share in result.shares if share.muscles][:3]
     words += [f'{share.effect} is missing in {share.muscles} of {share.of}.' for share in named]
     if result.counted and not named:
@@ -68,7 +68,7 @@ def _headline(result: Campaign) -> list[Headline]:
         before, after = (float(np.median([row[key] for row in result.counted]))
                          for key in ('model_error_N', 'best_error_N'))
         cards += [Headline('Error of the model', f'{before:.3g} N', 'rms, median of recordings'),
-                  Headline('Best', f'{after:.3g} N', 'with what was found in each')]
+                  Headline('Best', f'{after:.3g} N', 'with the effects found in each')]
     return cards
 
 
@@ -81,63 +81,62 @@ def _missing(result: Campaign) -> Section:
         items.append(Picture(
             'lacking', 'Which muscles lack which effect', drawing,
             'Probability that the effect belongs to the model, of each muscle (mean of its '
-            'recordings). Dot: named in at least half of them. Ring: tied with another, the data '
-            'cannot tell them apart. Muscles that lack the same stand together.'))
+            'recordings). Dot: named in at least half of them. Ring: tied with another effect '
+            'that the data cannot distinguish. Muscles that lack the same effects are adjacent.'))
         items.append(Table(
             ('effect', 'muscles that lack it', 'of', 'share (%)', '95 % from', 'to', 'tied'),
             [(('effect', s.effect), s.muscles, s.of, 100.0 * s.muscles / s.of, 100.0 * s.low,
               100.0 * s.high, s.tied) for s in result.shares],
-            'The interval is of the share of all such muscles, if these are a fair sample of '
-            'them (Wilson). Tied: muscles where the effect may be the one or another.'))
+            'The interval is for the share in the population, if these muscles are a random '
+            'sample (Wilson). Tied: muscles in which the effect or another one is missing.'))
     if result.contrasts:
         items.append(Table(
-            ('effect', 'number', 'lack it', 'median there', 'others', 'median there', 'chance'),
+            ('effect', 'number', 'lack it', 'their median', 'others', 'their median', 'p value'),
             [(('effect', c.effect), c.fact, c.lacking, c.median_lacking, c.others,
               c.median_others, c.p) for c in result.contrasts[:_LONG]],
             'Whether muscles that lack an effect differ from the others in a number of the table. '
-            'Chance: probability of such a difference if there is none (Mann-Whitney, corrected '
-            f'for {counted(len(result.contrasts), "question")} by Holm). A difference may also '
-            'say that the effect is easier to see there.'))
+            'p value: Mann-Whitney test, Holm correction for '
+            f'{counted(len(result.contrasts), "test")}. A difference may also mean that the '
+            'effect is easier to detect in these muscles.'))
     return Section('What is missing', f'Verdicts: {verdicts or "none"}.', items)
 
 
 def _trends(result: Campaign) -> Section:
     clear = result.clear_trends
-    asked = counted(len(result.trends), 'question')
-    text = (f'{counted(len(clear), "time")} a parameter goes with a number of the table more '
-            f'clearly than chance makes it ({asked}, corrected by Holm).' if clear else
-            'No parameter goes with a number of the table more clearly than chance makes it '
-            f'({asked}). A trend takes at least {LEAST} muscles in which the data tell the '
+    asked = counted(len(result.trends), 'test')
+    text = (f'{counted(len(clear), "significant trend")} of a parameter with a number of the '
+            f'table ({asked}, Holm correction).' if clear else
+            'No parameter has a significant trend with a number of the table '
+            f'({asked}). A trend needs at least {LEAST} muscles in which the data determine the '
             'parameter.')
-    text += ('\n\nA parameter of an effect is known only where the effect was named. Numbers of '
-             'the table that go together (long muscles that are old, too) cannot be told apart '
-             'here.')
+    text += ('\n\nA parameter of an effect is known only if the effect was named. Numbers of the '
+             'table that are correlated (such as length and age) cannot be separated here.')
     items: list[Any] = []
     if clear:
         items.append(Picture(
-            'trends', 'Parameters over what they go with', figures.over_facts(clear[:_DRAWN]),
+            'trends', 'Parameters and their trends', figures.over_facts(clear[:_DRAWN]),
             'One point for each muscle with the 95 % interval of its fit; axes are logarithmic. '
-            'Dashed: power law, each muscle weighed by the error of its fit and by how much '
-            'muscles differ. Intervals much wider than the scatter: the fits err alike, by a '
-            'parameter that another trades off with.'))
+            'Dashed: power law, each muscle weighted by the error of its fit and by the scatter '
+            'between muscles. Intervals much wider than the scatter: the errors of the fits are '
+            'correlated, because the parameter is confounded with another.'))
     if result.trends:
         items.append(Table(
-            ('parameter', 'goes with', 'power', '95 % from', 'to', 'muscles', 'scatter (%)',
-             'chance'),
+            ('parameter', 'trend with', 'power', '95 % from', 'to', 'muscles', 'scatter (%)',
+             'p value'),
             [(t.parameter, t.fact, t.power, t.power_low, t.power_high, len(t.values),
               100.0 * t.scatter, t.p) for t in result.trends[:_LONG]],
-            'Scatter: what muscles differ by beyond the errors of their fits. Chance: probability '
-            'of such a power if the true one is 0.'))
-    return Section('What parameters go with', text, items)
+            'Scatter: differences between muscles beyond the errors of their fits. p value: for a '
+            'true power of 0.'))
+    return Section('Trends of parameters', text, items)
 
 
 def _errors(result: Campaign) -> Section:
     if not result.counted:
-        return Section('Errors', 'No recording could be worked on.')
+        return Section('Errors', 'No recording could be evaluated.')
     return Section('Errors', '', [Picture(
         'errors', 'Error of each recording', figures.errors(result),
-        'Rms over all rows. Where the best model stays well above the noise floor, something is '
-        'left that nothing in the catalogue explains.')])
+        'Rms over all rows. If the best model is well above the noise floor, no effect of the '
+        'catalogue explains the remaining error.')])
 
 
 def _recordings(result: Campaign) -> Section:
@@ -158,10 +157,10 @@ def _left_out(result: Campaign) -> list[Section]:
                            [(row['file'], row['error']) for row in result.failed]))
     twice = [row for row in result.recordings if row['duplicate_of']]
     if twice:
-        items.append(Table(('file', 'has the same bytes as'),
+        items.append(Table(('file', 'is identical to'),
                            [(row['file'], row['duplicate_of']) for row in twice]))
     strange = [row for row in result.counted if not row['in_table']] if result.facts else []
     if strange:
-        items.append(Table(('counts, but is not in the table of specimens', 'dimensions'),
+        items.append(Table(('evaluated, but not in the table of specimens', 'dimensions'),
                            [(row['file'], 'those of the model') for row in strange]))
     return [Section('Left out, or in doubt', '', items)] if items else []

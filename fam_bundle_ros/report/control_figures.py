@@ -13,11 +13,11 @@ from fam_bundle_ros.report.paper import force_strain_space
 from fam_bundle_ros.report.paper_plots import state_regions
 from fam_bundle_ros.simulation import Log
 
-#: More points than this in one line only slow the page down.
+#: Largest number of points in one line; more only slow the page down.
 MOST_POINTS = 2500
-#: More stretches of states than this are not named one by one.
+#: Largest number of intervals of recruitment states that are labelled.
 _MOST_NAMES = 14
-#: ... and more than this are drawn as a line: chatter has thousands.
+#: Largest number that are tinted; of more (chatter has thousands), the state is a line.
 _MOST_TINTED = 150
 
 
@@ -25,7 +25,7 @@ def run(log: Log) -> go.Figure:
     """
     Draw a run over time: tracking, error, pressures, recruitment state.
 
-    The state is the strip below and the tint behind the tracking; a line where it chatters.
+    The state is shown as a strip below and a tint behind the tracking; as a line if it chatters.
     """
     drawing = plotting.panels(4, 1, 680, shared_xaxes=True, vertical_spacing=0.035,
                               row_heights=[0.40, 0.17, 0.33, 0.10])
@@ -70,7 +70,7 @@ def _strip(drawing: go.Figure, log: Log, keep: Any) -> None:
                                         hovertemplate='RS%{y}'), row=4, col=1)
         drawing.update_yaxes(dtick=1, row=4, col=1)
         return
-    # plotly leaves shapes out of a panel without a trace: one that is not seen
+    # an invisible trace, as plotly does not draw shapes in a panel without a trace
     drawing.add_trace(go.Scatter(x=time, y=log.state[keep], mode='none', showlegend=False,
                                  name='state', hovertemplate='RS%{y}'), row=4, col=1)
     for start, end, state in stretches:
@@ -106,7 +106,7 @@ def track(log: Log, model: Bundle) -> go.Figure:
 
 
 def compared(logs: Mapping[str, Log]) -> go.Figure:
-    """Draw one trajectory under several controllers, by their names: tracking, error below."""
+    """Draw one trajectory under several named controllers: tracking, and the error below."""
     first = next(iter(logs.values()))
     scale = _scale(first.kind)
     drawing = plotting.panels(2, 1, 480, shared_xaxes=True, row_heights=[0.6, 0.4],
@@ -114,7 +114,7 @@ def compared(logs: Mapping[str, Log]) -> go.Figure:
     keep = _thin(len(first.time))
     drawing.add_trace(plotting.line(first.time[keep], first.reference[keep] * scale, 'asked for',
                                     plotting.INK, 'dash', 1.3), row=1, col=1)
-    # the last one is drawn on top, in the colour that the run alone has
+    # the last one is drawn on top, in the colour of a single run
     for k, (name, log) in zip(reversed(range(len(logs))), logs.items(), strict=True):
         keep = _thin(len(log.time))
         reached = (log.force if log.kind == 'force' else log.strain)[keep] * scale
@@ -131,7 +131,7 @@ def compared(logs: Mapping[str, Log]) -> go.Figure:
 
 
 def _stretches(log: Log) -> list[tuple[float, float, int]]:
-    """Return start, end and state of every stretch with one recruitment state."""
+    """Return start, end and state of every interval with one recruitment state."""
     cuts = [0, *(int(k) for k in log.switches), len(log.time)]
     return [(float(log.time[a]), float(log.time[min(b, len(log.time) - 1)]), int(log.state[a]))
             for a, b in zip(cuts, cuts[1:], strict=False)]

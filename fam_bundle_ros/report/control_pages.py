@@ -24,11 +24,11 @@ def run_pictures(log: Log, model: Bundle, key: str, title: str) -> list[Picture]
     """Return a run over time and its track over the regions of the recruitment states."""
     return [
         Picture(f'{key}-run', f'{title}: over time', control_figures.run(log),
-                'Tinted and below: the recruitment state. Dotted: pressures asked for.'),
+                'Tint and lowest panel: the recruitment state. Dotted: pressure setpoints.'),
         Picture(f'{key}-track', f'{title}: over the regions of the recruitment states',
                 control_figures.track(log, model),
-                'The line is the run. Hatched: forces that both states can give; holding there '
-                'without a rule makes a controller chatter.')]
+                'The line is the run. Hatched: forces that both states can give; in this region a '
+                'controller without hysteresis chatters.')]
 
 
 def benchmark_page(result: ControlBenchmark, model: Bundle, seeds: str,
@@ -44,18 +44,18 @@ def benchmark_page(result: ControlBenchmark, model: Bundle, seeds: str,
     reached = sum(figure['reached'] for figure in asked)
     headline = [Headline(figure['figure'], '–' if figure['median'] is None
                          else f"{figure['median']:.3g}",
-                         f"median; worst {figure['worst']:.3g} on {figure['where']}; must: "
+                         f"median; worst {figure['worst']:.3g} on {figure['where']}; target: "
                          f"{figure['must']}") for figure in asked[:3]]
     sections = [
-        Section('The worst plant first', 'Controller reversal_aware beside equal_pressure, which '
-                'gives one pressure to all units by a PI on the error, with gains searched on '
-                'each plant at a gain margin no smaller than ours or 6 dB. Ratios are medians '
-                'over the trajectories; below 1 is better than equal pressure. How far the model '
-                'is off is measured at rest, over slow pressure sweeps.',
+        Section('The worst plant first', 'Controller reversal_aware compared with equal_pressure, '
+                'a PI on the error that sets one pressure for all units, with gains optimised on '
+                'each plant at a gain margin of at least ours or 6 dB. Ratios are medians over '
+                'the trajectories; below 1 is better than equal pressure. The error of the model '
+                'is measured at rest, over slow pressure sweeps.',
                 [Table(PLANT_HEAD, [plant_cells(line) for line in plants]),
                  Table(('plant', 'what it is'),
                        [(line['plant'], PLANTS[line['plant']].words) for line in plants])]),
-        Section('Against what is to be reached', 'Over all plants and trajectories.',
+        Section('Targets', 'Over all plants and trajectories.',
                 [Table(FIGURE_HEAD, [figure_cells(figure) for figure in figures])]),
         *_margins(result), *_over_ros(over_ros), *_shown_runs(result, model),
         Section('Every run', 'Errors in N for a force, in strain for a strain. Gains: of the '
@@ -64,7 +64,7 @@ def benchmark_page(result: ControlBenchmark, model: Bundle, seeds: str,
     return Page(
         'Recruitment control on plants that are not its model',
         f'{len(result.rows)} closed-loop runs in simulation, the same trajectories for every '
-        f'controller; {reached} of {len(asked)} figures are reached.',
+        f'controller; {reached} of {len(asked)} targets are reached.',
         headline, sections,
         provenance(files, [('seeds', seeds),
                            ('kind of numbers', 'all simulated; nothing here is measured')]))
@@ -78,9 +78,9 @@ def _margins(result: ControlBenchmark) -> list[Section]:
             found[row['plant'], row['units'], row['kind']] = row['gain_margin']
     rows = sorted(((plant, units, kind, margin) for (plant, units, kind), margin in
                    found.items()), key=lambda row: row[-1])
-    return [Section('Gain margins', 'By how much the gain of the loop may grow until the response '
-                    'to a small step no longer settles, measured in the closed loop; 64: more. '
-                    'Baselines keep at least this or 2 (6 dB), whichever is less.',
+    return [Section('Gain margins', 'Factor on the loop gain at which the response to a small '
+                    'step no longer settles, measured in the closed loop; 64: 64 or more. '
+                    'Baselines have at least this margin or 2 (6 dB), whichever is less.',
                     [Table(('plant', 'units', 'reference', 'gain margin'), rows)], folded=True)]
 
 
@@ -88,9 +88,9 @@ def _over_ros(rows: Sequence[Mapping[str, Any]]) -> list[Section]:
     if not rows:
         return []
     return [Section(
-        'Over ROS', 'The same trajectory, controller, gains and rig by calls and through the '
-        'nodes and topics of ROS 2 in lock-step, both at 500 Hz, to show that the runs without '
-        'ROS stand for it.',
+        'Over ROS', 'The same trajectory, controller, gains and rig by Python calls and through '
+        'the nodes and topics of ROS 2 in lock-step, both at 500 Hz, to show that the runs '
+        'without ROS represent it.',
         [Table(('through', 'rms error (N)', 'largest (N)', 'rms at switches (N)', 'switches',
                 'air (mg)'),
                [(row['through'], row['tracking_rms'], row['largest_error'],

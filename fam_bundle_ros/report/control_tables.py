@@ -5,11 +5,11 @@
 from collections.abc import Mapping
 from typing import Any
 
-#: Of `plant_cells`. Pairs are ours and that of equal pressure.
-PLANT_HEAD = ('plant', 'model off (N rms)', 'rms (N)', 'of equal pressure', 'ratio', 'worst',
-              'air ratio', 'worst air', 'at switches (N)', 'there, equal pressure',
+#: Column titles of `plant_cells`; pairs are reversal_aware and equal_pressure.
+PLANT_HEAD = ('plant', 'model error (N rms)', 'rms (N)', 'of equal pressure', 'ratio', 'worst',
+              'air ratio', 'worst air', 'at switches (N)', 'the same, equal pressure',
               'moved ratio', 'switches', 'chatter')
-FIGURE_HEAD = ('figure', 'median', 'nine in ten', 'worst', 'must', 'worst on', '')
+FIGURE_HEAD = ('figure', 'median', '90 % quantile', 'worst', 'target', 'worst on', '')
 _KEYS = ('model_error', 'rms_N', 'rms_N_equal_pressure', 'rms_ratio', 'rms_ratio_worst',
          'air_ratio', 'air_ratio_worst', 'error_at_switches',
          'error_at_switches_equal_pressure', 'moved_ratio')
@@ -22,7 +22,7 @@ def plant_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def figure_cells(figure: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return the row of a figure to reach."""
+    """Return the row of a figure with its target."""
     verdict = {None: 'not run', True: 'reached', False: 'not reached'}[figure['reached']]
     return (figure['figure'], *(_short(figure[key]) for key in ('median', 'nine_in_ten',
                                                                 'worst')),

@@ -30,11 +30,11 @@ class DemoRun:
     Attributes
     ----------
     name, words : str
-        Key, and what was asked on which load.
+        Key, and description of reference and load.
     log : Log
         With orderly recruitment.
     all_on : Log
-        The same with every unit always on: a single equivalent motor unit.
+        With every unit always on, as a single equivalent motor unit.
     """
 
     name: str
@@ -64,20 +64,20 @@ def demo_metrics(runs: Sequence[DemoRun], diagnosis: Diagnosis, bundle: Bundle, 
 def demo_page(runs: Sequence[DemoRun], diagnosis: Diagnosis, found: Mapping[str, Any],
               bundle: Bundle, paper: PaperFigures, files: Sequence[tuple[str, str | Path]],
               ) -> Page:
-    """Return the page; every number on it comes from the run or from the data it names."""
+    """Return the page; all numbers come from the runs or from the data named on it."""
     steps = found['model']['steps']
     first, last = steps[0], steps[-1]
-    lead = (f'A bundle of {bundle.n} motor units was simulated behind its ROS 2 interface and '
+    lead = (f'A bundle of {bundle.n} motor units was simulated with its ROS 2 interface and '
             f'followed {len(runs)} trajectories by recruiting and releasing its second unit. Then '
-            'the ideal model of a muscle that others have measured was improved step by step: its '
-            f'error fell from {first["error_N"]:.3g} N to {last["error_N"]:.3g} N.')
+            'the ideal model of a muscle with published measurements was improved step by step: '
+            f'its error fell from {first["error_N"]:.3g} N to {last["error_N"]:.3g} N.')
     return Page(
         'fam_bundle_ros: the demonstration', lead, _headline(found),
         [_what(runs, found), *(_run_section(run, found['runs'][run.name], bundle)
                                for run in runs),
          *_measured(diagnosis),
-         Section('The paper’s figures', 'Of the bundle that was run above, computed from its '
-                 'model.', map_pictures(paper)),
+         Section('The paper’s figures', 'Computed from the model of the bundle above.',
+                 map_pictures(paper)),
          Section('Models', '', [*model_section(bundle).items,
                                 *model_section(diagnosis.best).items], folded=True)],
         provenance(files, [
@@ -91,7 +91,7 @@ def demo_page(runs: Sequence[DemoRun], diagnosis: Diagnosis, found: Mapping[str,
 
 
 def visited(log: Log) -> list[str]:
-    """Return the recruitment states in the order of the run, RS0 at the start left out."""
+    """Return the recruitment states in the order of the run, without RS0 at the start."""
     states = [int(log.state[0]), *(int(log.state[k]) for k in log.switches)]
     return [f'RS{state}' for state in (states[1:] if states[0] == 0 else states)]
 
@@ -134,16 +134,16 @@ def _what(runs: Sequence[DemoRun], found: Mapping[str, Any]) -> Section:
         'What was done', '\n\n'.join(f'{_capital(run.name)}: {run.words}' for run in runs),
         [Table(('trajectory', 'scheme', 'rms error', 'largest', 'of', 'switches',
                 'shortest dwell (s)', 'chatter', 'air (mg)', 'efficiency'), rows,
-               'Efficiency: work done on the load over the energy of the air drawn; a '
-               'dynamometer that stands still takes no work.')])
+               'Efficiency: work done on the load over the energy of the air used; none for a '
+               'dynamometer at rest.')])
 
 
 def _run_section(run: DemoRun, numbers: Mapping[str, Any], bundle: Bundle) -> Section:
     return Section(
         f'{_capital(run.name)} on ROS 2', _capital(run.words),
         [*run_pictures(run.log, bundle, run.name.replace(' ', '-'), _capital(run.name)),
-         Table(('time (s)', 'decision'), run.log.decisions, 'What the recruitment controller '
-               'said when it switched.')])
+         Table(('time (s)', 'decision'), run.log.decisions, 'Explanations of the recruitment '
+               'controller for its switches.')])
 
 
 def _measured(diagnosis: Diagnosis) -> list[Section]:
@@ -152,18 +152,18 @@ def _measured(diagnosis: Diagnosis) -> list[Section]:
     caption = 'Points are measured, lines are the model. Below: measured minus model.'
     return [
         Section('A measured muscle, step by step', 'A Festo DMSP-20, 126 measured points. The '
-                'model starts as the ideal braid with data-sheet geometry; each step refits it '
-                'together with one more effect.', [
-                    Picture('before', 'As it was: the ideal braid', figures.comparison(before),
-                            caption),
-                    Picture('after', 'At best: with what was found', figures.comparison(after),
-                            caption)]),
+                'initial model is the ideal braid with data-sheet geometry; each step adds one '
+                'effect and refits all parameters.', [
+                    Picture('before', 'Initial model: the ideal braid',
+                            figures.comparison(before), caption),
+                    Picture('after', 'Best model: with the effects found',
+                            figures.comparison(after), caption)]),
         *diagnosis_sections(diagnosis)]
 
 
 def _held(step: Mapping[str, Any]) -> str:
     value = step.get('held_out_N')
-    return 'not worked out' if value is None else f'{value:.3g} N'
+    return 'not computed' if value is None else f'{value:.3g} N'
 
 
 def _capital(text: str) -> str:

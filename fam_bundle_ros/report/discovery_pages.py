@@ -17,9 +17,9 @@ from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
 Files = Sequence[tuple[str, str | Path]]
-#: What the ladder's held-out error is; said wherever it is drawn.
-HELD_OUT = ('Held out: each block of rows (isobar, trial or stretch of time) is predicted by a '
-            'fit that did not see it.')
+#: Definition of the ladder's held-out error, for every caption.
+HELD_OUT = ('Held out: each block of rows (isobar, trial or interval of time) is predicted by a '
+            'fit to the other blocks.')
 
 
 def comparison_page(result: Comparison, model: Bundle, files: Files = ()) -> Page:
@@ -48,18 +48,18 @@ def comparison_sections(result: Comparison, model: Bundle) -> list[Section]:
                 [Table(('region', 'error (N)', 'mean (N)', 'share (%)', 'rows'),
                        [(r.where, r.error_N, r.bias_N, 100.0 * r.share, r.samples)
                         for r in result.located])]) if result.located else
-        Section('Where it fails', 'No region stands out of the noise.'),
+        Section('Where it fails', 'In no region is the error above the noise.'),
         Section('Error in numbers', '', tables),
         Section('Noise', f'The floor is {noise.value:.3g} N, from {noise.basis}. {noise.note}'
-                f'\n\nLack of fit {result.lack_of_fit:.3g}: mean square of the cell means over '
-                'what noise alone would leave; about 1 for a model that is right.', [
-                    Table(('way', 'noise (N)', 'what it sees'), [
+                f'\n\nLack of fit {result.lack_of_fit:.3g}: mean square of the cell means, '
+                'relative to noise alone; about 1 for a correct model.', [
+                    Table(('method', 'noise (N)', 'noise that it measures'), [
                         ('second differences', noise.differences,
                          'white noise between neighbours'),
                         ('repeats', noise.repeats,
-                         'all that does not repeat at the same strain and pressure'),
+                         'all that is not reproducible at the same strain and pressure'),
                         ('visits', noise.visits,
-                         'noise that lasts: means of whole visits to a cell')])]),
+                         'slow noise: means of whole visits to a cell')])]),
     ]
 
 
@@ -69,9 +69,9 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
     error = result.error_N
     headline = [
         Headline('Verdict', result.verdict.replace('_', ' '), ', '.join(result.effects)),
-        Headline('Error of the model', f"{error['model']:.3g} N", 'rms, as it was'),
+        Headline('Error of the model', f"{error['model']:.3g} N", 'rms, unchanged'),
         Headline('Recalibrated', f"{error['recalibrated']:.3g} N", 'its own parameters refitted'),
-        Headline('Best', f"{error['best']:.3g} N", 'with what was found'),
+        Headline('Best', f"{error['best']:.3g} N", 'with the effects found'),
         Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
     return Page(
         f'What {result.model.name} is missing',
@@ -87,7 +87,7 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
 
 
 def _sentence(text: str) -> str:
-    """Return a phrase as a sentence; the name of an effect stays as a command takes it."""
+    """Return a phrase as a sentence; an effect's name at the start is not capitalised."""
     named = '_' in text.partition(' ')[0]
     return f'{text}.' if named else f'{text[:1].upper()}{text[1:]}.'
 
@@ -103,8 +103,8 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
                              'Probability that the effect belongs to the model, over all sets of '
                              'effects that were fitted together with the model’s own '
                              'parameters, on average without one isobar, strain level or trial; '
-                             'and the error of the best set that holds it.'
-                             + ('' if answered else ' As if one of them had to be the answer.')))
+                             'and the error of the best set with the effect.'
+                             + ('' if answered else ' Conditional on one of them being correct.')))
     sets = answer_figures.sets(result)
     if sets is not None:
         shown.append(Picture('sets', 'Sets of effects', sets, _sets_words(result)))
@@ -115,13 +115,13 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
             [(('effect', c.effect), c.family, round(c.probability, 2), c.error_N,
               '; '.join(f'{e.key.partition(".")[2]} {e.value:.4g} {e.unit}'.rstrip()
                         for e in c.parameters), c.reason) for c in result.ranking]))
-    ties = ' '.join(f'These data cannot tell {", ".join(group[:-1])} and {group[-1]} apart.'
+    ties = ' '.join(f'These data cannot distinguish {", ".join(group[:-1])} and {group[-1]}.'
                     for group in result.tied)
     notes = '\n\n'.join(result.notes)
     sections = [Section('What is missing', f'{ties}\n\nNext: {result.next_experiment}', shown)]
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
         sections.append(Section(
-            'The error that is left', 'No effect of the catalogue explains it. These plain shapes '
+            'The remaining error', 'No effect of the catalogue explains it. These simple shapes '
             'describe it best; one with a formula can be added to a model as an expression.',
             [Table(('shape', 'formula', 'k', 'unit', 'explains (%)', 'takes (N rms)'),
                    [(t.words, t.expression or '', t.coefficient, t.unit, 100.0 * t.explained,
@@ -142,17 +142,17 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
     if moved is not None:
         parameters.append(Picture(
             'priors', 'Each parameter before and after the data', moved,
-            'Bars hold 95 %. The prior of the model’s own dimensions is their tolerance, that '
-            'of an effect comes from the catalogue; constants that cannot be negative are on a '
-            'logarithmic scale. What is beyond six widths is drawn at six. A bar as wide as '
-            'before was not moved by these data; one outside the grey contradicts what was '
-            'believed.'))
+            'Bars are 95 % intervals. The prior of the model’s own dimensions is their tolerance, '
+            'that of an effect comes from the catalogue; constants that cannot be negative are on '
+            'a logarithmic scale. Values beyond six widths are drawn at six. A posterior as wide '
+            'as the prior: the data do not determine the parameter; one outside the grey '
+            'contradicts the prior.'))
     matrix = figures.confounding(result)
     if matrix is not None:
         parameters.append(Picture(
             'confounding', 'Which parameters trade off', matrix,
-            'Correlation of the estimates: near 1 or −1 the data cannot tell the two apart, '
-            'and only their combination is known.'))
+            'Correlation of the estimates: near 1 or −1 the data determine only a combination of '
+            'the two parameters.'))
     sections.append(Section('Parameters', notes, parameters))
     return sections
 
@@ -166,14 +166,14 @@ def ladder_page(result: Ladder, orders: Mapping[str, Sequence[float]],
         Table(('model', 'error (N)', 'refitted (N)', 'held out (N)', 'effects'),
               [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'],
                 ', '.join(step['effects'])) for step in result.steps],
-              'Error: the model as its file has it. Refitted: with its own parameters fitted to '
+              'Error: the model as in its file. Refitted: with its own parameters fitted to '
               f'these data. {HELD_OUT}')]
     sections = [Section('Ladder', '', items)]
     if len(orders) > 1:
         steps = len(next(iter(orders.values()))) - 1
         sections.append(Section(
-            'In another order', 'What an effect seems to be worth depends on what was added '
-            'before it; the last step does not.',
+            'In another order', 'The reduction of the error by an effect depends on the effects '
+            'added before it; the error after the last step does not.',
             [Table(('order', 'refitted (N)', *(f'+ {k + 1} (N)' for k in range(steps))),
                    [(order, *errors) for order, errors in orders.items()])]))
     return Page(
@@ -194,38 +194,38 @@ def _sets_words(result: Diagnosis) -> str:
     chosen = next(each for each in result.likely if each.chosen)
     words = ('Probability of each set of changes to the model, over all sets that were fitted, on '
              'average without one isobar, strain level or trial. '
-             f'Coloured: the set that is told ({chosen}); the others by how they differ from it.')
+             f'Coloured: the reported set ({chosen}); the others by their difference from it.')
     if result.verdict == 'unexplained':
-        return f'{words} As if one of them had to be the answer: the verdict is that none is.'
+        return f'{words} Conditional on one of them being correct; the verdict is that none is.'
     if chosen.probability < max(each.probability for each in result.likely):
-        words += (' Likelier ones predict rows not seen worse, or are likelier only where a part '
-                  'of the data is left out.')
+        words += (' More probable sets predict held-out rows worse, or are more probable only '
+                  'when a part of the data is left out.')
     return words
 
 
 def _unseen_section(result: Diagnosis) -> list[Section]:
-    """Return the errors on rows not seen, of what is recommended and of its rivals."""
+    """Return the errors of the recommended model and of its rivals on held-out rows."""
     drawing = answer_figures.unseen(result)
     if drawing is None:
         return []
     found, rivals = result.recommended, result.held_out.rivals
     kind = 'effects with the discrepancy' if found.leftover else 'effects alone'
     return [Section(
-        'On rows not seen', 'Whole blocks are left out in turn. The recommended model '
-        f'({kind}) is off by {found.held_out_N:.3g} N rms there.', [
-            Picture('unseen', 'Predicted and measured where the fit was not told', drawing,
-                    'Each point is the mean of neighbouring rows in a block that the fit did not '
-                    'see. On the line, prediction and measurement are the same. Below: measured '
-                    'minus predicted.'),
-            Table(('model', 'error on rows not seen (N)'), [
+        'On held-out rows', 'Whole blocks are held out in turn. The recommended model '
+        f'({kind}) has an error of {found.held_out_N:.3g} N rms on them.', [
+            Picture('unseen', 'Predicted and measured on held-out rows', drawing,
+                    'Each point is the mean of neighbouring rows in a held-out block. On the '
+                    'line, prediction and measurement are equal. Below: measured minus '
+                    'predicted.'),
+            Table(('model', 'error on held-out rows (N)'), [
                 ('effects alone', found.held_out_physics_N),
                 ('effects with the discrepancy', found.held_out_discrepancy_N),
                 ('six-parameter empirical form (after Sarosi 2015)', rivals['empirical']),
                 ('plane in strain and pressure', rivals['plane']),
                 ('mean force', rivals['mean'])]),
-            Table(('left out', 'effects alone (N)', 'with the discrepancy (N)'),
+            Table(('held out', 'effects alone (N)', 'with the discrepancy (N)'),
                   [(KINDS[name], *errors) for name, errors in result.held_out.kinds.items()],
-                  'Means of neighbouring rows, without the noise of single ones.')])]
+                  'Means of neighbouring rows, without the noise of single rows.')])]
 
 
 def _discrepancy_section(result: Diagnosis) -> list[Section]:
@@ -236,12 +236,12 @@ def _discrepancy_section(result: Diagnosis) -> list[Section]:
                      for each in (result.leftover_before, result.leftover))
     return [Section('What no effect explains', '', [
         Picture('discrepancy', 'Discrepancy before and after', drawing,
-                'Smooth surface through what a model leaves: the model as it came, '
-                f'recalibrated, at most {before:.3g} N, the best one {after:.3g} N. '
-                'Even: the same both ways of motion; odd: while shortening, with the other sign '
-                'while lengthening; filling: at rest after the pressure has risen, with the other '
-                'sign after it has fallen. Before and after have scales of their own. Between '
-                'what was measured it is a guess.')])]
+                'Smooth surface through the residual of a model: original model, recalibrated, at '
+                f'most {before:.3g} N; best model, {after:.3g} N. '
+                'Even: the same in both directions of motion; odd: while shortening, with the '
+                'opposite sign while lengthening; filling: at rest after a rise of the pressure, '
+                'with the opposite sign after a fall. Before and after have different scales. '
+                'Between the measured states it is interpolated.')])]
 
 
 def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:
@@ -253,16 +253,16 @@ def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:
                 'band is two standard deviations of the noise floor.'),
         Picture('maps', 'Residual over strain and pressure',
                 figures.residual_maps(result, model),
-                'Measured minus model. What is the same both ways (even) points at an elastic '
-                'or a gauge effect, what changes sign with the direction of motion (odd) at '
-                'friction, damping or lag. Dotted: the model’s free strain.'
+                'Measured minus model. The part that is the same in both directions (even) '
+                'indicates an elastic or a sensor effect, the part that changes sign with the '
+                'direction (odd) friction, damping or lag. Dotted: the model’s free strain.'
                 if not data.is_static else
                 'Measured minus model, mean of each cell. The map is static: nothing in it can '
                 'depend on direction or speed.')]
     loops = figures.loops(result)
     if loops is not None:
         pictures.append(Picture('loops', 'Residual by direction of motion', loops,
-                                'Two separate bands are a loop that the model does not have.'))
+                                'Two separate bands: hysteresis that the model lacks.'))
     return pictures
 
 
@@ -278,10 +278,10 @@ def _comparison_headline(result: Comparison) -> list[Headline]:
 def _comparison_lead(result: Comparison) -> str:
     ratio = result.error_N / max(result.noise.value, 1e-12)
     if not result.located:
-        return (f'The model is off by {result.error_N:.3g} N rms; no region stands out of the '
-                f'noise ({result.noise.value:.3g} N).')
+        return (f'The error of the model is {result.error_N:.3g} N rms; in no region is it above '
+                f'the noise ({result.noise.value:.3g} N).')
     worst = result.located[0]
-    return (f'The model is off by {result.error_N:.3g} N rms, {ratio:.3g} times the noise floor. '
+    return (f'The error of the model is {result.error_N:.3g} N rms, {ratio:.3g} times the noise. '
             f'It fails most at: {worst.where} ({worst.error_N:.3g} N rms).')
 
 

@@ -5,7 +5,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-#: Of `fault_cells`; times and pressures are the largest of all runs of a fault.
+#: Column titles of `fault_cells`; times and pressures are the largest of all runs of a fault.
 FAULT_HEAD = ('fault', 'runs', 'unsafe', 'harmless', 'safe', 'detected', 'detected after (s)',
               'safe after (s)', 'pressure (kPa)', 'force (N)', 'force off by (N)', 'came back',
               'enable refused')
@@ -50,7 +50,7 @@ def fault_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def sound_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return the row of what is not wrong."""
+    """Return the row of a condition without a fault."""
     return (line['fault'], line['runs'], line['false_alarm'], f"{line['seconds']:.0f}",
             f"{line['pressure'] / 1e3:.0f}")
 

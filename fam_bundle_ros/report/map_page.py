@@ -18,15 +18,15 @@ from fam_bundle_ros.units import express
 
 def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path,
              ends: Ends | None = None) -> Page:
-    """Return the page: what the muscles can do, with tendons where ``ends``, and the model."""
+    """Return the page: forces and strains of the bundle, with tendons if given, and its model."""
     found = figures.summary()
     headline = [Headline(f'Blocked force, RS{k + 1}', f'{force[0]:.1f} N', 'at zero strain')
                 for k, force in enumerate(figures.space.high['included'])]
     if bundle.n == 1:
-        lead, pictures = 'What this motor unit can do.', muscle_pictures(bundle)
+        lead, pictures = 'Forces and strains of this motor unit.', muscle_pictures(bundle)
     else:
-        lead = ('What this bundle can do, drawn as in the paper on resistive forces and gradient '
-                'reversal, so that the figures can be laid beside it.')
+        lead = ('Forces and strains of this bundle, drawn as in the paper on resistive forces and '
+                'gradient reversal, for a comparison of the figures.')
         pictures = map_pictures(figures)
     lead = f'{lead} Model {muscle_words(bundle)}.'
     f = figures.free_strain

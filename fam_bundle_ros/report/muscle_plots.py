@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of one motor unit: isobars; blocked force and free strain over the pressure."""
+"""Figures of one motor unit: isobars; blocked force and free strain over pressure."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper import readings
 
-#: Isobars that are drawn besides that of zero pressure.
+#: Number of isobars in addition to that of zero pressure.
 _ISOBARS = 6
 _POINTS = 201
 
@@ -27,8 +27,8 @@ def muscle_pictures(bundle: Bundle) -> list[Picture]:
     return [
         Picture('isobars', 'Force over strain at constant pressures',
                 _isobars(models, strain, pressure),
-                'At rest; below zero the muscle pushes back, or is slack where the model says '
-                f'so.{beside}'),
+                'At rest; below zero the muscle pushes back, or is slack, depending on the '
+                f'model.{beside}'),
         Picture('ends', 'Blocked force and free strain over the pressure',
                 _ends(models, float(pressure[-1])),
                 f'The force at zero strain, and the strain at zero force.{beside}')]

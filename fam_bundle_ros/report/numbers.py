@@ -7,7 +7,7 @@ from typing import Any
 
 def number(value: float) -> str:
     """
-    Return three significant digits, without an exponent where that can be avoided.
+    Return three significant digits, without an exponent if possible.
 
     Examples
     --------
@@ -21,7 +21,7 @@ def number(value: float) -> str:
 
 def shown(value: Any) -> str:
     """
-    Return what a cell of a table shows; a dash where there is no value.
+    Return the text of a table cell; a dash without a value.
 
     Examples
     --------

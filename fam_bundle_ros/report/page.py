@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One self-contained HTML page: what was done, headline numbers, figures, tables, provenance.
+One self-contained HTML page: summary, headline numbers, figures, tables, provenance.
 
-Everything is inside the file (plotly.js once, if there are figures); a browser that opens it asks
-the network nothing. plotly.js and the curves are packed (gzip, which browsers of 2023 and later
-unpack by themselves): a third of their size.
+Everything is inside the file (plotly.js once, if there are figures); it needs no network.
+plotly.js and the curves are compressed to a third (gzip, which browsers of 2023 and later
+decompress themselves).
 """
 
 import base64
@@ -46,10 +46,10 @@ class Picture:
     key : str
         Short name: the anchor on the page.
     title : str
-        What is shown, and where in the paper, if it is.
+        Content, and number of the figure in the paper if there is one.
     drawing : plotly.graph_objects.Figure
     caption : str
-        Where each curve comes from, and what to see.
+        Origin of each curve, and what it shows.
     """
 
     key: str
@@ -67,8 +67,8 @@ class Table:
     ----------
     columns : sequence of str
     rows : sequence of sequence
-        Numbers are shown with three significant digits and set right; None and nan as a dash;
-        a cell of ``('effect', name)`` carries the swatch of its colour.
+        Numbers are shown with three significant digits and aligned right; None and nan as a
+        dash; a cell ``('effect', name)`` has a swatch in the effect's colour.
     caption : str
     """
 
@@ -100,11 +100,11 @@ class Page:
     ----------
     title : str
     lead : str
-        The answer in a sentence or two.
+        The result in a sentence or two.
     headline : sequence of Headline
     sections : sequence of Section
     provenance : sequence of (str, str)
-        What went in: files and their hashes, versions, seeds; what is simulated, what measured.
+        Files and their hashes, versions, seeds; what is simulated, what measured.
     """
 
     title: str
@@ -127,14 +127,14 @@ def render(page: Page) -> str:
         light=light, dark=dark, css=_asset('page.css').substitute(font=plotting.FONT),
         headline=_cards(page.headline), nav=_nav(sections),
         sections='\n'.join(_section(section) for section in sections),
-        footer=f'Written by fam_bundle_ros {fam_bundle_ros.__version__}. This file holds all that '
-               'it shows and asks the network nothing.',
+        footer=f'Written by fam_bundle_ros {fam_bundle_ros.__version__}. This file is complete '
+               'and needs no network.',
         plotly=_plotly() if pictures else '', colours=json.dumps(palette.by_page()),
         script=(_ASSETS / 'page.js').read_text(encoding='utf-8'))
 
 
 def write_page(path: str | Path, page: Page) -> Path:
-    """Write the page, whole or not at all (InputError when it cannot be written)."""
+    """Write the page atomically (InputError when it cannot be written)."""
     return write_whole(path, render(page))
 
 

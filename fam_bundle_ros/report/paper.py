@@ -3,7 +3,7 @@
 """
 Figures 2, 3 and 4 of Kim, Mazzoleni and Bryant (2021), for any model file: the numbers.
 
-What is drawn for each figure comes from four readings of one model:
+Each figure is computed from four readings (variants) of one model:
 
 ideal
     the braid alone (`mesh`; Chou and Hannaford 1996) with the model's geometry;
@@ -11,10 +11,10 @@ klute_hannaford
     the braid and the rubber of the model's bladder (Klute and Hannaford 2000), continued below
     zero, and nothing else of the model;
 neglected
-    all elastic effects of the model, with no unit pushing back: each unit's force is zero past
+    all elastic effects of the model, without resistive forces: each unit's force is zero past
     its free strain;
 included
-    the model as it is, at rest.
+    the complete model, at rest.
 """
 
 from dataclasses import dataclass
@@ -52,18 +52,18 @@ class Isobars:
 @dataclass(frozen=True)
 class ForceStrainSpace:
     """
-    Figure 3: what each recruitment state can give.
+    Figure 3: the range of forces of each recruitment state.
 
     Attributes
     ----------
     strain : array (s,)
     low, high : dict of str to array (n, s), N
-        By reading (``neglected``, ``included``): least and largest force of RS1..RSn. A state's
-        last unit goes from zero to its largest pressure, those before it are at theirs.
+        By reading (``neglected``, ``included``): smallest and largest force of RS1..RSn. The last
+        unit of a state goes from zero to its largest pressure, the units before it are at theirs.
     pressure : array (p,), Pa (gauge)
-        Of the second unit; empty for a bundle of one.
+        Of the second unit; empty for a bundle of one unit.
     isobars : dict of str to array (p, s), N
-        By reading: force at these pressures while the first unit is at its largest.
+        By reading: force at these pressures with the first unit at its largest pressure.
     """
 
     strain: np.ndarray
@@ -73,7 +73,7 @@ class ForceStrainSpace:
     isobars: dict[str, np.ndarray]
 
     def overlap(self, reading: str, state: int) -> np.ndarray:
-        """Return the width (s,), N, of the forces that RSk and RSk+1 can both give."""
+        """Return the width (s,), N, of the range of forces that RSk and RSk+1 share."""
         return np.maximum(self.high[reading][state - 1]
                           - np.maximum(self.low[reading][state], 0.0), 0.0)
 
@@ -81,7 +81,7 @@ class ForceStrainSpace:
 @dataclass(frozen=True)
 class FreeStrain:
     """
-    Figure 4: the bundle's free strain while the second unit fills and the first is at its most.
+    Figure 4: free strain of the bundle while the second unit fills, the first one full.
 
     Attributes
     ----------
@@ -90,9 +90,9 @@ class FreeStrain:
     strain : dict of str to array (p,)
         By reading.
     dip_pressure : float, Pa
-        Where the model as it is reaches least.
+        Pressure at the smallest free strain of the reading ``included``.
     dip_strain, dip : float
-        The strain there, and how far that is below the start.
+        Free strain at that pressure, and its difference from the start.
     """
 
     pressure: np.ndarray
@@ -105,7 +105,7 @@ class FreeStrain:
 @dataclass(frozen=True)
 class PaperFigures:
     """
-    All three; ``free_strain`` is None for a bundle of one unit.
+    All three figures; ``free_strain`` is None for a bundle of one unit.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class PaperFigures:
     beyond : tuple of str
         Elastic effects of the model that are not in the reading ``klute_hannaford``.
     muscle : Isobars
-        Figure 2a: the model as it is, up to the largest free strain.
+        Figure 2a: the reading ``included``, up to the largest free strain.
     isobars : Isobars
         Figure 2b: three readings at zero and 10 psi.
     """
@@ -129,7 +129,7 @@ class PaperFigures:
     free_strain: FreeStrain | None
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers that the terminal shows."""
+        """Return the numbers for the terminal."""
         i, s, f = self.isobars, self.space, self.free_strain
         two = len(s.high['included']) > 1
         width = s.overlap('included', 1) if two else np.zeros(1)
@@ -155,7 +155,7 @@ class PaperFigures:
 
 
 def readings(bundle: Bundle) -> dict[str, Bundle]:
-    """Return the four readings of a model as bundles; see the module's text."""
+    """Return the four readings of a model as bundles; see the module's docstring."""
     rubber = [e for e in bundle.effects if e.family == 'bladder']
     return {
         'ideal': Bundle(bundle.name, bundle.motor_units, []).with_effect('mesh'),
@@ -179,7 +179,7 @@ def paper_figures(bundle: Bundle, points: int = 401) -> PaperFigures:
     ----------
     bundle : Bundle
     points : int
-        Strains (figures 2 and 3) and pressures (figure 4).
+        Number of strains (figures 2 and 3) and of pressures (figure 4).
     """
     models = readings(bundle)
     resistive = any(e.pushes_back for e in bundle.effects)
@@ -190,12 +190,12 @@ def paper_figures(bundle: Bundle, points: int = 401) -> PaperFigures:
 
 
 def force_strain_space(bundle: Bundle) -> ForceStrainSpace:
-    """Return what each recruitment state can give at every strain (figure 3) alone."""
+    """Return only the force ranges of the recruitment states over strain (figure 3)."""
     return _space(readings(bundle), 401)
 
 
 def state_forces(bundle: Bundle, strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return least and largest force of RS1..RSn, N, two arrays (n, s), at strains (s,)."""
+    """Return smallest and largest force of RS1..RSn, N, two arrays (n, s), at strains (s,)."""
     low, high = (np.empty((bundle.n, len(strain))) for _ in range(2))
     for state in range(1, bundle.n + 1):
         last = np.linspace(0.0, bundle.max_pressure[state - 1], 201)
@@ -205,7 +205,7 @@ def state_forces(bundle: Bundle, strain: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _steps(most):
-    """Return the isobars that are drawn: those of the paper where they fit, else six steps."""
+    """Return the pressures of the isobars, Pa: the paper's if they apply, else six steps."""
     return np.linspace(0.0, HIGHEST if np.isclose(most, WORKING, rtol=1e-2) else most, 7)
 
 
@@ -233,14 +233,14 @@ def _isobars(models, points):
 def _space(models, points):
     bundle = models['included']
     free = models['neglected'].free_strain(bundle.max_pressure)
-    # a little beyond, so that the largest strain that can be held is seen to be the last; a table
-    # of measured forces may end before the free strain
+    # slightly beyond the largest strain that can be held, to show this limit; a table of measured
+    # forces may end before the free strain
     end = float(np.nanmax(free)) if np.isfinite(free).any() else 0.3
     strain = np.linspace(0.0, end + 0.01, points)
     second = np.zeros(0)
     if bundle.n > 1:
         second = _steps(bundle.max_pressure[1])
-        # 50 psi is 344.74 kPa where a model says 344.7
+        # 50 psi is 344.74 kPa, a model may have 344.7
         second = np.unique(np.minimum(second, bundle.max_pressure[1]))
     low, high, isobars = {}, {}, {}
     for name in ('neglected', 'included'):
@@ -254,7 +254,7 @@ def _free_strain(models, points):
     bundle = models['included']
     pressure = np.linspace(0.0, bundle.max_pressure[1], points)
     every = bundle.state_pressures(2, pressure)
-    # the paper's ideal and Klute-Hannaford lines neglect resistive forces: they are constant
+    # the paper's ideal and Klute-Hannaford lines neglect resistive forces, so they are constant
     strain = {name: (model if name == 'included' else model.with_effect('tendon_slack')
                      ).free_strain(every) for name, model in models.items()}
     reach = strain['included']

@@ -3,7 +3,7 @@
 """
 Figures 2, 3 and 4 of Kim, Mazzoleni and Bryant (2021) drawn, each with its caption.
 
-A caption says what the paper's text states and what is this project's own.
+A caption separates the statements of the paper's text from this project's own work.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ def map_pictures(figures: PaperFigures) -> list[Picture]:
 
 
 def _own(figures):
-    """Return what in these figures is not the paper's."""
+    """Return what in these figures is not from the paper."""
     said = ('Our own: the form of the resistive force (the paper names its regions, post-buckling '
             'and post-collapse, but its formulas were not available) and its constants.'
             if figures.resistive else
@@ -75,7 +75,7 @@ def _own(figures):
 
 
 def _over(figures):
-    """Return by how much Klute and Hannaford's muscle gives more than the model, at 10 psi."""
+    """Return the comparison of Klute and Hannaford's muscle with the model at 10 psi."""
     found, forces = figures.summary(), figures.isobars.forces
     blocked, free = found['blocked_force_10_psi_N'], found['free_strain_10_psi']
     lowest = {name: -float(force[-1].min()) for name, force in forces.items()}
@@ -87,7 +87,7 @@ def _over(figures):
 
 
 def _falls(space):
-    """Return what the isobars of MU2 show at the strain that the paper's text names."""
+    """Return a description of MU2's isobars at the strain named in the paper's text."""
     if not len(space.pressure):
         return ''
     said = ('Thin lines: MU1 at its largest pressure, MU2 at that of the legend; at zero and at '
@@ -104,7 +104,7 @@ def _falls(space):
 
 
 def muscle_isobars(data: Isobars) -> go.Figure:
-    """Draw figure 2a: all of it left, the same about zero force right."""
+    """Draw figure 2a: the whole range left, the range near zero force right."""
     drawing = plotting.panels(1, 2, 440, 'strain', legend={'y': 1.09}, horizontal_spacing=0.09,
                               subplot_titles=('', 'the same about zero force'))
     forces = data.forces['included']
@@ -145,7 +145,7 @@ def isobars(data: Isobars) -> go.Figure:
 
 def force_strain_space(data: ForceStrainSpace) -> go.Figure:
     """
-    Draw figure 3: whole space above, large strain below; neglected left, included right.
+    Draw figure 3: whole range above, large strain below; neglected left, included right.
 
     With the isobars of the second unit, the first one at its largest pressure.
     """
@@ -156,7 +156,7 @@ def force_strain_space(data: ForceStrainSpace) -> go.Figure:
         subplot_titles=('resistive force neglected', 'resistive force included',
                         'the same at large strain', 'the same at large strain'))
     end = float(data.strain[-1])
-    # the zoom shows where the overlap matters: the last quarter of the strain
+    # the zoom shows the overlap, which is at large strain
     start = 0.68 * end
     inside = data.strain >= start
     tops = (float(data.high['neglected'].max()), float(data.high['neglected'][:, inside].max()))
@@ -180,19 +180,19 @@ def state_regions(data: ForceStrainSpace, reading: str, legend: bool = True) -> 
     """
     Return fills and edges of every recruitment state, and the overlaps, as traces.
 
-    Also the ground on which a closed-loop run's force-strain track is drawn.
+    Also used as the background of a closed-loop run's force-strain track.
     """
     traces = []
     low, high = data.low[reading], data.high[reading]
     for k in range(len(high)):
         colour = palette.recruitment_state(k + 1)
-        # one strain past the last held one, so that the edge meets the axis
+        # one strain past the last positive force, so that the edge meets the axis
         held = np.roll(high[k] > 0.0, 1) | (high[k] > 0.0)
         bottom = np.maximum(low[k], 0.0) if k else np.zeros_like(high[k])
         top = np.maximum(high[k], 0.0)
         traces.append(plotting.band(data.strain[held], bottom[held], top[held], f'RS{k + 1}',
                                  colour, 0.16, legendgroup=f'RS{k + 1}', showlegend=legend))
-        traces.append(plotting.line(data.strain[held], top[held], f'most of RS{k + 1}',
+        traces.append(plotting.line(data.strain[held], top[held], f'largest of RS{k + 1}',
                                  colour, width=1.8, legendgroup=f'RS{k + 1}', showlegend=False,
                                  hovertemplate='%{y:.1f} N at %{x:.3f}'))
     for k in range(1, len(high)):
@@ -202,7 +202,7 @@ def state_regions(data: ForceStrainSpace, reading: str, legend: bool = True) -> 
             continue
         colour = palette.recruitment_state(k + 1)
         bottom = np.maximum(low[k], 0.0)
-        traces.append(plotting.line(data.strain[shared], bottom[shared], f'least of RS{k + 1}',
+        traces.append(plotting.line(data.strain[shared], bottom[shared], f'smallest of RS{k + 1}',
                                  colour, 'dash', 1.5, legendgroup=f'RS{k + 1}', showlegend=False,
                                  hovertemplate='%{y:.1f} N at %{x:.3f}'))
         fill = plotting.band(data.strain[shared], bottom[shared], high[k - 1][shared],
@@ -215,7 +215,7 @@ def state_regions(data: ForceStrainSpace, reading: str, legend: bool = True) -> 
 
 
 def _second_unit(data, reading, legend):
-    """Return the isobars of MU2 between zero and its most, which are edges of the states."""
+    """Return the isobars of MU2 without the first and last, which are edges of the states."""
     traces = []
     for pressure, force in list(zip(data.pressure, data.isobars[reading], strict=True))[1:-1]:
         held = np.roll(force > 0.0, 1) | (force > 0.0)
@@ -258,11 +258,11 @@ def free_strain(data: FreeStrain) -> go.Figure:
 
 
 def name_states(drawing, data, reading, left, top, where):
-    """Write each state's name inside its region, of the last one beyond its edge."""
+    """Write each state's name inside its region, the last one's outside."""
     end, forces = float(data.strain[-1]), data.high[reading]
     for k, high in enumerate(forces):
         last = 0 < k == len(forces) - 1
-        # isobars fill the last region; beyond its edge there is room
+        # isobars fill the last region, so its name is outside
         at = left + (0.25 if last else 0.12) * (end - left)
         below = max(float(np.interp(at, data.strain, forces[k - 1])), 0.0) if k else 0.0
         above = float(np.interp(at, data.strain, high))

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Fixed ends beside tendons in one packaging length, drawn with their captions."""
+"""Figures that compare fixed ends with tendons in one packaging length, with captions."""
 
 import numpy as np
 import plotly.graph_objects as go
@@ -27,8 +27,8 @@ def tendon_pictures(ends: Ends) -> list[Picture]:
            'Our own: the tendon does not stretch, and the shorter muscle keeps radius and braid '
            'angle.')
     free = {name: float(each[-1]) for name, each in ends.free_strain.items()}
-    even = (f' A tendon of {1e3 * ends.even_tendon:.3g} mm reaches as far as fixed ends where '
-            'these reach least; a shorter one reaches further there.' if ends.even_tendon > 1e-5
+    even = (f' A tendon of {1e3 * ends.even_tendon:.3g} mm gives the same free strain as fixed '
+            'ends at their minimum; a shorter one gives more.' if ends.even_tendon > 1e-5
             else '')
     return [
         Picture('ends-space', 'Force–strain space with fixed ends and with tendons',
@@ -49,7 +49,7 @@ def tendon_pictures(ends: Ends) -> list[Picture]:
 
 
 def ends_space(ends: Ends) -> go.Figure:
-    """Draw what each recruitment state can give: fixed ends left, tendons right."""
+    """Draw the force range of each recruitment state: fixed ends left, tendons right."""
     drawing = plotting.panels(1, 2, 460, AXIS, legend={'y': 1.09}, shared_yaxes=True,
                               horizontal_spacing=0.05,
                               subplot_titles=[words for _, words, _ in ends_looks(ends)])
@@ -68,7 +68,7 @@ def ends_space(ends: Ends) -> go.Figure:
 
 
 def ends_free_strain(ends: Ends) -> go.Figure:
-    """Draw how far both configurations reach while a unit fills."""
+    """Draw the free strain of both configurations while a unit fills."""
     drawing = plotting.figure(f'pressure of MU{ends.unit} (kPa)',
                               'free strain over the packaging length', height=420)
     pressure = ends.pressure / 1e3

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Two ends of the muscles in one packaging length: fixed, or on tendons; the numbers.
+Comparison of fixed ends with tendons in one packaging length: the numbers.
 
 The question is that of Mazzoleni et al., Proc. SPIE 11374 (2020). With fixed ends a muscle fills
 the packaging length and pushes back past its free strain. On a tendon it goes slack instead, but
@@ -23,9 +23,9 @@ from fam_bundle_ros.report.paper import ForceStrainSpace, state_forces
 @dataclass(frozen=True)
 class Ends:
     """
-    A bundle with fixed ends beside the same with tendons, in one packaging length.
+    A bundle with fixed ends and the same bundle with tendons, in one packaging length.
 
-    Strains are contractions over the packaging length, so both stand on one axis.
+    Strains are contractions over the packaging length, so that both can be compared.
 
     Attributes
     ----------
@@ -34,13 +34,13 @@ class Ends:
     space : ForceStrainSpace
         Readings ``fixed`` and ``tendons``.
     unit : int
-        The motor unit that fills in ``free_strain``, from 1; those before it are at their most.
+        Motor unit that fills in ``free_strain``, from 1; units before it are full.
     pressure : array (p,), Pa (gauge)
         Of that unit.
     free_strain : dict of str to array (p,)
     even_tendon : float, m
-        Tendon with which both reach as far where fixed ends reach least; shorter tendons reach
-        further there. 0 where fixed ends reach further than the muscle without push-back.
+        Tendon with which both have the same free strain where that of fixed ends is smallest;
+        shorter tendons give more. 0 if fixed ends give more than the muscle without push-back.
     """
 
     model: str
@@ -53,7 +53,7 @@ class Ends:
     even_tendon: float
 
     def summary(self) -> dict[str, Any]:
-        """Return the numbers that the terminal shows, by configuration."""
+        """Return the numbers for the terminal, by configuration."""
         found: dict[str, Any] = {
             'packaging_length_m': self.packaging_length, 'tendon_m': self.tendon,
             'even_tendon_m': self.even_tendon}
@@ -69,10 +69,10 @@ def with_tendons(bundle: Bundle, tendon: float) -> Bundle:
     """
     Return the muscles of a bundle on tendons, in the packaging length of the bundle.
 
-    The tendon takes its part of the length: the muscle is L0 - Lt long, with the radius, braid
-    angle and wall as they were (fewer turns of the same thread). `tendon_slack`, F = max(0, F),
-    stands in place of every resistive effect: each muscle has a tendon of its own (Mazzoleni et
-    al. 2020, SPIE 11374). Effects with a length, such as the dead ends of `end_caps`, follow.
+    The tendon takes a part of the length: the muscle is L0 - Lt long, with unchanged radius, braid
+    angle and wall (fewer turns of the same thread). `tendon_slack`, F = max(0, F), replaces every
+    resistive effect: each muscle has a tendon of its own (Mazzoleni et al. 2020, SPIE 11374).
+    Effects with a length, such as the dead ends of `end_caps`, are scaled.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def with_tendons(bundle: Bundle, tendon: float) -> Bundle:
     Raises
     ------
     InputError
-        For a negative length, and one that leaves no muscle that can be.
+        For a negative length, and one that leaves too short a muscle.
     """
     if not tendon >= 0.0:
         raise InputError(f'tendon is {1e3 * tendon:g} mm; expected zero or more')
@@ -98,12 +98,12 @@ def with_tendons(bundle: Bundle, tendon: float) -> Bundle:
     words = (f'tendon is {1e3 * tendon:.4g} mm and the packaging length {1e3 * bundle.length:.4g} '
              f'mm (the rest length of {bundle.name})')
     if left <= 0.0:
-        raise InputError(f'{words}; expected less than that: no muscle is left')
+        raise InputError(f'{words}; expected a shorter tendon: no muscle is left')
     shorter = bundle.with_parameters({'geometry.length': left})
     for unit in shorter.motor_units:
         g = unit.geometry
         if geometry_problem(g.radius, g.length, g.braid_angle, g.wall_thickness) is not None:
-            raise InputError(f'{words}; the {1e3 * left:.4g} mm of muscle that are left are too '
+            raise InputError(f'{words}; the remaining {1e3 * left:.4g} mm of muscle are too '
                              f'short for the radius of {unit.name}, {1e3 * g.radius:.4g} mm')
     kept = [e for e in shorter.effects if not (e.place is Place.LIMIT and e.pushes_back)]
     return Bundle(bundle.name, shorter.motor_units, kept, bundle.error,
@@ -112,7 +112,7 @@ def with_tendons(bundle: Bundle, tendon: float) -> Bundle:
 
 def compare_ends(bundle: Bundle, tendon: float, points: int = 401) -> Ends:
     """
-    Return what a bundle can give with fixed ends and with tendons.
+    Compare force and free strain of a bundle with fixed ends and with tendons.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def compare_ends(bundle: Bundle, tendon: float, points: int = 401) -> Ends:
     tendon : float, m
         See `with_tendons`.
     points : int
-        Strains and pressures.
+        Number of strains and of pressures.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def compare_ends(bundle: Bundle, tendon: float, points: int = 401) -> Ends:
     pressure = np.linspace(0.0, bundle.max_pressure[unit - 1], points)
     every = bundle.state_pressures(unit, pressure)
     free = {name: share[name] * model.free_strain(every) for name, model in models.items()}
-    # one unit alone reaches nowhere without pressure
+    # a single unit has no free strain at zero pressure
     least = (int(np.nanargmin(free['fixed'])) if bundle.n > 1 else points - 1)
 
     slack = with_tendons(bundle, 0.0)
@@ -151,7 +151,7 @@ def compare_ends(bundle: Bundle, tendon: float, points: int = 401) -> Ends:
 
 def _even_tendon(bundle, pressure, reach):
     """Return the tendon, m, with which the free strain at a pressure (n,) is ``reach``."""
-    # a muscle thinner than 0.4 of its length, with some room
+    # leaves a muscle whose radius is less than 0.4 of its length, with a margin
     longest = bundle.length - 2.6 * max(float(u.geometry.radius) for u in bundle.motor_units)
 
     def further(tendon):

@@ -3,7 +3,7 @@
 """
 The workbench: a local web page that shows where a model fails and improves it.
 
-What the page shows is worked out by plain Python (`session`, `drawings`, `explorer`, ...) that
-knows no browser; `page` and the `..._view` modules put it on the screen with NiceGUI (extra
-`web`); `main.run` starts it.
+The content of the page is computed by plain Python (`session`, `drawings`, `explorer`, ...)
+without a browser; `page` and the `..._view` modules display it with NiceGUI (extra `web`);
+`main.run` starts it.
 """

@@ -23,8 +23,8 @@ _CAPTIONS = {
     'curves': 'Points: measured (open: lengthening). Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
             'sign with the motion.',
-    'loops': 'The error on the way in and on the way out. Two branches apart: a loss such as '
-             'friction. Grey band: noise, ±2 sd.'}
+    'loops': 'The error while shortening and while lengthening. Two separate branches: a loss '
+             'such as friction. Grey band: noise, ±2 sd.'}
 
 
 class CaseView:
@@ -51,7 +51,7 @@ class CaseView:
     # --- drawing -------------------------------------------------------------------------------
 
     def draw(self) -> None:
-        """Draw everything anew."""
+        """Redraw everything."""
         self.draw_answer()
         self.draw_ladder()
         self.draw_head()
@@ -59,7 +59,7 @@ class CaseView:
         self.side.draw()
 
     def draw_answer(self) -> None:
-        """Say how good the model is, and offer the one thing to do next."""
+        """Show how good the model is, and a button for the next action."""
         session = self.session
         self.answer.clear()
         with self.answer:
@@ -79,7 +79,7 @@ class CaseView:
                     parts.button('Undo', self.undo, mark='undo')
 
     def _said(self) -> str:
-        """Return the verdict of the last diagnosis where it still holds, else the state."""
+        """Return the verdict of the last diagnosis if it is up to date, else the state."""
         found = self.session.diagnosis
         if found is None or len(self.session.steps) > self.session.diagnosed_at:
             return self.session.headline()
@@ -89,7 +89,7 @@ class CaseView:
         return {
             'missing_effect': f'Found: {names}.',
             'partial': f'Found in part: {names}. Its shape is not quite right.',
-            'recalibrate': 'No effect is missing; the model’s own numbers are off.',
+            'recalibrate': 'No effect is missing; the parameters of the model are inaccurate.',
             'adequate': 'Nothing is missing: the model explains the data down to their noise.',
             'unexplained': 'Something is missing that the catalogue does not have.',
         }[found.verdict]
@@ -99,9 +99,9 @@ class CaseView:
         asked = session.asked()
         if asked:
             first = asked[0]
-            said = f'Do all {len(asked)} things' if len(asked) > 1 else (
+            said = f'Make all {len(asked)} changes' if len(asked) > 1 else (
                 f'Leave out {parts.words(first.effect)}' if first.removes else
-                f'Put {parts.words(first.effect)} for {parts.words(first.replaces)}'
+                f'Replace {parts.words(first.replaces)} by {parts.words(first.effect)}'
                 if first.replaces else f'Add {parts.words(first.effect)}')
             parts.button(said, self.do_all, 'main-action', 'next-add')
             command = session.command()
@@ -134,7 +134,7 @@ class CaseView:
                         palette.NEUTRAL['faint'])
                     last = ' now' if k == len(session.steps) - 1 else ''
                     with parts.box('li', f'rung{last}', f'rung:{k}'):
-                        parts.text('span', 'model as it came' if k == 0
+                        parts.text('span', 'original model' if k == 0
                                    else parts.words(step.label), 'name')
                         with parts.box('span', 'track'):
                             parts.box('i').style(
@@ -142,17 +142,17 @@ class CaseView:
                                 f'background: {colour.on(self.page.dark)}')
                             parts.box('u').style(f'left: {floor:.1f}%')
                         parts.text('span', f'{short(step.error_N)} N', 'value')
-            parts.text('span', f'Error, rms. Dashed: noise floor {short(session.noise)} N. '
+            parts.text('span', f'Rms error. Dashed: noise floor {short(session.noise)} N. '
                        f'{self._held_out()}', 'muted small')
 
     def _held_out(self) -> str:
         step = self.session.now
         if len(self.session.steps) < 2 or step.held_out_N != step.held_out_N:
             return ''
-        return f'On data the fit did not see: {short(step.held_out_N)} N.'
+        return f'On held-out data: {short(step.held_out_N)} N.'
 
     def draw_head(self) -> None:
-        """Draw the choice of figure and of what it shows."""
+        """Draw the controls for the figure and for the data that it shows."""
         session = self.session
         data = session.data
         tabs = [('curves', 'Curves'), ('maps', 'Error maps')]
@@ -179,7 +179,7 @@ class CaseView:
                            lambda value: self._over(value is not None), 'strain')
 
     def draw_figure(self) -> None:
-        """Draw the chosen figure in a fresh box."""
+        """Draw the chosen figure in a new box."""
         self.figure.clear()
         self.caption.set_text(_CAPTIONS[self.tab])
         drawn = self._drawn()
@@ -199,7 +199,7 @@ class CaseView:
         return None if figure is None else drawings.for_page(figure, self.page.dark)
 
     def _redraw(self, move_ms: int) -> None:
-        """Move the curves to the present model; the other figures are drawn anew."""
+        """Animate the curves to the present model; redraw the other figures."""
         drawn = self._drawn(move_ms) if self.tab == 'curves' else None
         if drawn is None:
             self.draw_figure()
@@ -233,18 +233,18 @@ class CaseView:
         self.session.select(region=region, level=None, direction=None, trial=None)
         self.draw_head()
         self.side.draw()
-        await asyncio.sleep(0.03)  # the button answers before the figure is worked out
+        await asyncio.sleep(0.03)  # lets the button respond before the figure is computed
         self._redraw(0)
 
     # --- long work -----------------------------------------------------------------------------
 
     async def work(self, job: Job) -> Any:
-        """Run a job with progress on the page; None when it was cancelled or went wrong."""
+        """Run a job with progress on the page; None when it was cancelled or failed."""
         if self.job is not None:
             return None
         self.job = job
         self.draw_answer()
-        await asyncio.sleep(0.03)  # starting a process takes a moment: the page first
+        await asyncio.sleep(0.03)  # lets the page be drawn before the process starts
         try:
             return await job.run()
         except Cancelled:
@@ -252,7 +252,7 @@ class CaseView:
         except InputError as error:
             self.page.tell(str(error))
         except WorkerError as error:
-            self.page.tell(f'the work broke down: {error}')
+            self.page.tell(f'the computation failed: {error}')
         finally:
             self.job = None
             if not self.answer.is_deleted:
@@ -265,7 +265,7 @@ class CaseView:
             self.job.cancel()
 
     async def diagnose(self) -> None:
-        """Ask what the present model is missing."""
+        """Diagnose the present model."""
         step = self.session.now
         found = await self.work(Job(worker.diagnose_job, step.model, self.session.data))
         if found is not None and self.session.steps and self.session.now is step:
@@ -279,7 +279,7 @@ class CaseView:
                           self.session.with_change(change, effect))
 
     async def do_all(self) -> None:
-        """Do everything that the diagnosis says, one step after the other."""
+        """Make all changes that the diagnosis recommends, one step after the other."""
         for change in self.session.asked():
             steps = len(self.session.steps)
             await self.change(change)
@@ -291,7 +291,7 @@ class CaseView:
         await self.change(Change(effect.name), effect)
 
     async def recalibrate(self) -> None:
-        """Move the model's own parameters."""
+        """Refit the model's own parameters."""
         await self._refit('recalibrated', '', self.session.now.since)
 
     async def _refit(self, label: str, effect: str, since: Since) -> None:

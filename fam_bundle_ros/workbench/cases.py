@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Cases of the workbench: a measurement with a model to start from; and the examples that ship."""
+"""Cases of the workbench: a measurement with a model to start from; and the shipped examples."""
 
 from dataclasses import dataclass
 
@@ -19,12 +19,12 @@ class Case:
     Attributes
     ----------
     title, origin : str
-        What the page calls it, and where the data comes from in one line.
+        Title on the page, and origin of the data in one line.
     data, model
     files : (str, str)
-        What a command line calls data and model.
+        Data and model as written in a command line.
     source : Incoming, optional
-        How the file was read, where it was one of the user's: its columns can be told again.
+        How a user's file was read, so that its columns can be corrected.
     """
 
     title: str
@@ -37,7 +37,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Example:
-    """A case that ships: its key, what a user reads before choosing it, and its files."""
+    """A shipped case: its key, its description for the user, and the stem of its files."""
 
     key: str
     title: str
@@ -54,13 +54,13 @@ EXAMPLES = (
             _SIMULATED, 'examples/hidden_friction'),
     Example('bundle_push_back', 'The unit that pushes back',
             'Two motor units. While the second one fills, the bundle is stronger than the model '
-            'says.', _SIMULATED, 'examples/bundle_push_back'),
+            'predicts.', _SIMULATED, 'examples/bundle_push_back'),
     Example('dmsp20', 'A real muscle: DMSP-20',
             'Measured map of a Festo muscle against the ideal braid: 150 N off, several effects '
             'missing.', 'measured: Martens and Boblan, Actuators 2017, CC BY 4.0',
             'dmsp20_static_map'),
     Example('nothing_missing', 'Nothing missing',
-            'Does the tool admit it when a model is good enough?', _SIMULATED,
+            'A model without a missing effect: does the diagnosis report that?', _SIMULATED,
             'examples/nothing_missing'),
     Example('a_stranger', 'Not in the catalogue',
             'An effect that no catalogue has. Describe it, then write it yourself.', _SIMULATED,

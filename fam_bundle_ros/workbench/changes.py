@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of a model: add an effect, replace one, leave one out; and the same as a command."""
+"""Changes of a model: add, replace or remove an effect; and the same as a command line."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,14 +13,14 @@ from fam_bundle_ros.workbench.cases import Case
 @dataclass(frozen=True)
 class Change:
     """
-    One change of the model: an effect to add, to replace another with, or to leave out.
+    One change of the model: an effect to add, to replace another with, or to remove.
 
     Attributes
     ----------
     effect : str
-        What comes, or what goes.
+        Effect to add, or to remove.
     replaces : str
-        What it takes the place of, '' for nothing.
+        Effect that it replaces, '' for none.
     removes : bool
     """
 
@@ -37,7 +37,7 @@ class Change:
 
     @property
     def option(self) -> str:
-        """The same as an argument of ``fam_bundle add``."""
+        """The change as an argument of ``fam_bundle add``."""
         if self.removes:
             return f'--remove {self.effect}'
         return f'--replace {self.replaces}={self.effect}' if self.replaces else self.effect
@@ -51,9 +51,9 @@ class Since:
     Attributes
     ----------
     added : tuple of Effect
-        At their start values: what the next refit begins with.
+        At their start values for the next refit.
     replaced : mapping of str to str
-        Effects of the first model -> what stands in their place.
+        Effects of the first model -> their replacements.
     removed : tuple of str
         Effects of the first model that are left out.
     """
@@ -63,11 +63,11 @@ class Since:
     removed: tuple[str, ...] = ()
 
     def then(self, change: Change, effect: Effect | None = None) -> 'Since':
-        """Return these and one more; what comes is ``effect``, else as the catalogue has it."""
+        """Return these changes and one more; ``effect`` is added, by default the catalogue's."""
         added, replaced, removed = self.added, dict(self.replaced), self.removed
         gone = change.effect if change.removes else change.replaces
         if gone and gone not in {e.name for e in added}:
-            # an effect of the first model, perhaps replaced before: the refit takes its first name
+            # an effect of the first model, perhaps replaced before: the refit needs the first name
             first = next((old for old, new in replaced.items() if new == gone), gone)
             replaced.pop(first, None)
             if change.removes:
@@ -82,7 +82,7 @@ class Since:
 
 
 def command(case: Case, since: Since, asked: Sequence[Change]) -> str:
-    """Return the command that makes all changes; '' with a formula of the user's."""
+    """Return the command that makes all changes; '' if one is the user's own formula."""
     if any(effect.name not in catalogue.names() for effect in since.added):
         return ''
     done = [*(Change(effect.name) for effect in since.added),

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The figures of the page: those of discovery, with selection, zoom, row numbers and transitions.
+The figures of the page: figures of discovery with selection, zoom, row numbers and transitions.
 
-`for_page` makes a figure the dict that a browser takes, in the colours of its theme. Points are
+`for_page` converts a figure to a dict for the browser, in the colours of its theme. Points are
 thinned here, for drawing only.
 """
 
@@ -22,9 +22,9 @@ from fam_bundle_ros.discovery import figures
 from fam_bundle_ros.workbench.session import Session
 from fam_bundle_ros.workbench.thinning import thin_groups
 
-#: More points than this in one figure make a page slow.
+#: Largest number of points in a figure; more make the page slow.
 MOST_POINTS = 3000
-#: A flat list: with the nested list of modeBarButtons Plotly.react does not return.
+#: A flat list, as Plotly.react does not return with the nested list of modeBarButtons.
 CONFIG = {'displaylogo': False, 'responsive': True, 'modeBarButtonsToRemove': [
     'select2d', 'lasso2d', 'zoomIn2d', 'zoomOut2d', 'autoScale2d']}
 _BEFORE = palette.NEUTRAL['faint'].light
@@ -35,16 +35,16 @@ _HOVER = ('%{customdata[0]}<br>strain %{customdata[1]:.4f}, %{customdata[2]:.1f}
 
 def for_page(drawing: go.Figure | dict[str, Any], dark: bool, move_ms: int = 0) -> dict[str, Any]:
     """
-    Return a figure as the page takes it.
+    Return a figure as a dict for the page.
 
     Parameters
     ----------
     drawing : plotly Figure or dict
         In the light colours.
     dark : bool
-        Exchange them for those of a dark page.
+        Replace them by those of a dark page.
     move_ms : int
-        Curves move to their new place in this time; 0 for at once.
+        Duration of the transition of the curves, ms; 0 for none.
     """
     text = json.dumps(drawing) if isinstance(drawing, dict) else drawing.to_json()
     if dark:
@@ -67,17 +67,17 @@ def for_page(drawing: go.Figure | dict[str, Any], dark: bool, move_ms: int = 0) 
 def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
                 ) -> dict[str, Any]:
     """
-    Draw measured (points) against model (lines), the error below with the noise band.
+    Draw measurement (points) and model (lines), below them the error with the noise band.
 
-    The model of the step before stays as a thin dotted line. A plain dict, not a plotly object:
-    the page draws it anew at every click, and must not wait for checks of every number.
+    The model of the previous step is a thin dotted line. A plain dict, not a plotly object, as the
+    page redraws it at every click and plotly's validation is slow.
 
     Parameters
     ----------
     over_time : bool
         Against time instead of strain (logs only).
     narrow : bool
-        For a phone: the names of the isobars take more of the width.
+        For a phone, where the names of the isobars take a larger share of the width.
     """
     data, residual = session.data, session.residual()
     level, means = pressure_levels(data.pressure[:, varying_unit(data)])
@@ -97,7 +97,7 @@ def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
          'fillcolor': palette.fade(_BEFORE, 0.25)},
         {'type': 'line', 'xref': 'x2 domain', 'yref': 'y2', 'x0': 0, 'x1': 1, 'y0': 0, 'y1': 0,
          'line': {'color': _BEFORE, 'width': 1}}]
-    # ranges that stay while models change: else the axes jump and the curves cannot move
+    # fixed ranges while models change, or the axes would jump during the transition
     layout['yaxis']['range'] = _force_range(session, rows)
     layout['yaxis2']['range'] = _error_range(session, rows)
     layout['annotations'] = [] if over_time else _isobar_names(session, level, means, rows)
@@ -134,7 +134,7 @@ def maps(session: Session) -> go.Figure:
 
 
 def loops(session: Session) -> go.Figure | None:
-    """Draw the error both ways for some isobars; None where nothing was measured both ways."""
+    """Draw the error in both directions for some isobars; None without data in both."""
     drawing = figures.loops(session.now.comparison)
     if drawing is not None:
         noise = session.noise
@@ -173,7 +173,7 @@ def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, over
 
 
 def _path(data, x, values, rows, over_time):
-    """Return x and y of a model's line, cut between trials; a static map is joined by strain."""
+    """Return x and y of a model's line, with gaps between trials; a static map by strain."""
     if data.is_static and not over_time:
         rows = rows[np.argsort(x[rows], kind='stable')]
         return {'x': _plain(x[rows]), 'y': _plain(values[rows])}
@@ -198,7 +198,7 @@ def _force_range(session, rows):
 
 
 def _error_range(session, rows):
-    """Keep the scale of the first step, so that a smaller error looks smaller."""
+    """Return a range that fits all steps, so that a smaller error looks smaller."""
     worst = max(float(np.quantile(np.abs(session.residual(step)[rows]), 0.995))
                 for step in session.steps) if len(rows) else 1.0
     top = 1.15 * max(worst, 3.0 * session.noise)
@@ -206,7 +206,7 @@ def _error_range(session, rows):
 
 
 def _isobar_names(session, level, means, rows):
-    """Return annotations that name each isobar left of its curve, where there is room."""
+    """Return annotations that name each isobar left of its curve, if there is space."""
     data = session.data
     names = session.levels
     height = max(float(np.ptp(data.force[rows])), 1.0) if len(rows) else 1.0
@@ -230,7 +230,7 @@ def _isobar_names(session, level, means, rows):
 
 
 def _zoom(layout, session, x, rows, narrow):
-    """Set the axes to what is selected, with room for the names of the isobars on the left."""
+    """Set the axes to the selection, with space for the names of the isobars on the left."""
     if not len(rows):
         return
     if session.region is None:

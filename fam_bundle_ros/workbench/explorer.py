@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The force-strain space of a bundle with a point that sliders move.
+The force-strain space of a bundle with an operating point that is set by sliders.
 
-Sliders set the strain and each motor unit's pressure; the figures show where that is among the
-recruitment states, how the next unit first pushes back, and how the free strain dips. A tendon
+Sliders set the strain and each motor unit's pressure; the figures show this point among the
+recruitment states, how the next unit first resists, and the dip of the free strain. A tendon
 length adds the same muscles on tendons in the same packaging length.
 """
 
@@ -41,17 +41,17 @@ class Explorer:
         self.strain = 0.16
         self.pressure = np.zeros(bundle.n)
         self.pressure[0] = bundle.max_pressure[0]
-        #: Fixed ends beside tendons, None while no tendon length is told.
+        #: Comparison of fixed ends with tendons, None without a tendon length.
         self.ends: Ends | None = None
 
     def set_tendon(self, told: str) -> None:
         """
-        Take the length of the tendons as it is typed; empty for none.
+        Set the length of the tendons from text with a unit; empty for none.
 
         Raises
         ------
         InputError
-            For what is no length, and for one that leaves no muscle.
+            When the text is not a length, or too long for any muscle to remain.
         """
         self.ends = None
         if told.strip():
@@ -59,7 +59,7 @@ class Explorer:
 
     @property
     def highest_strain(self) -> float:
-        """Where the strain slider ends."""
+        """Upper end of the strain slider."""
         return float(self.paper.space.strain[-1])
 
     @property
@@ -70,20 +70,20 @@ class Explorer:
 
     @property
     def force(self) -> float:
-        """Force of the bundle here, N."""
+        """Force of the bundle at this point, N."""
         return float(self.bundle.force(self.strain, self.pressure))
 
     @property
     def unit(self) -> int:
-        """Motor unit that is filled next, from 1; the last one where all are on."""
+        """Motor unit that is filled next, from 1; the last one if all are on."""
         return min(max(self.state, 1) + 1, self.bundle.n)
 
     def overlap(self) -> Overlap | None:
-        """Return the overlap of the states before and with this unit, None for a single one."""
+        """Return the overlap of the states without and with this unit, None for a single unit."""
         return self.bundle.overlap(self.strain, self.unit - 1) if self.unit > 1 else None
 
     def sentences(self) -> list[str]:
-        """Return in words what the figures show here."""
+        """Return a description of the figures at this point."""
         told = [f'RS{self.state}: {self.state} of {self.bundle.n} motor units on, '
                 f'{self.force:.1f} N at {100 * self.strain:.1f} % strain.']
         unit, overlap = self.unit, self.overlap()
@@ -91,39 +91,39 @@ class Explorer:
             return told
         onset = overlap.onset_pressure
         if overlap.dip > 0.05:
-            back = f'It is back at {onset / 1e3:.0f} kPa, its onset pressure.' \
-                if np.isfinite(onset) else 'At this strain it never makes up for that.'
+            back = f'The loss is recovered at {onset / 1e3:.0f} kPa, its onset pressure.' \
+                if np.isfinite(onset) else 'At this strain the loss is never recovered.'
             told.append(f'While MU{unit} fills, it is compressed past its own free strain and '
                         f'pushes back: the bundle loses up to {overlap.dip:.1f} N (at '
                         f'{overlap.dip_pressure / 1e3:.0f} kPa). {back}')
             told.append(f'So RS{unit - 1} and RS{unit} overlap from {overlap.low:.1f} to '
-                        f'{overlap.high:.1f} N: in there a controller can be in either state.')
+                        f'{overlap.high:.1f} N: in this range both states can hold the force.')
         else:
-            told.append(f'At this strain MU{unit} helps from the first pascal: no dip, no '
-                        'overlap. Move the strain to the right.')
+            told.append(f'At this strain MU{unit} adds force from zero pressure on: no dip, no '
+                        'overlap. Increase the strain to see them.')
         return told
 
     def free_strain_sentence(self) -> str:
-        """Return what the free strain does while the second unit fills."""
+        """Return a description of the free strain while the second unit fills."""
         free = self.paper.free_strain
         if free is None:
             return ''
         if free.dip < 1e-4:
             return 'In this model the free strain does not dip: it has no resistive force.'
-        return (f'With MU1 full, filling MU2 first shortens the reach from '
+        return (f'With MU1 full, filling MU2 first reduces the free strain from '
                 f'{float(free.strain["included"][0]):.4f} to {free.dip_strain:.4f} at '
-                f'{free.dip_pressure / 1e3:.0f} kPa, and then it returns: the free strain '
+                f'{free.dip_pressure / 1e3:.0f} kPa, and then increases it again: the free strain '
                 'gradient reversal.')
 
     def tendon_sentence(self) -> str:
-        """Return what tendons change; empty while no length is told."""
+        """Return a description of the change by tendons; empty without a length."""
         if self.ends is None:
             return ''
         ends, told = self.ends, self.ends.summary()
-        least = (f', {told["fixed"]["free_strain_least"]:.4f} at its least'
+        least = (f', {told["fixed"]["free_strain_least"]:.4f} at the minimum'
                  if ends.unit > 1 else '')
-        even = (f' Only tendons shorter than {1e3 * ends.even_tendon:.3g} mm reach further than '
-                'fixed ends do at their least.' if ends.even_tendon > 1e-5 else '')
+        even = (f' Only tendons shorter than {1e3 * ends.even_tendon:.3g} mm give more free '
+                'strain than the minimum with fixed ends.' if ends.even_tendon > 1e-5 else '')
         return (f'On tendons of {1e3 * ends.tendon:.4g} mm the muscles are '
                 f'{1e3 * (ends.packaging_length - ends.tendon):.4g} mm long and nothing pushes '
                 f'back: the free strain is {told["tendons"]["free_strain_full"]:.4f} of the '
@@ -141,7 +141,7 @@ class Explorer:
         return figure
 
     def _tendon_edges(self) -> list[dict[str, Any]]:
-        """Return the most of each state on tendons as traces."""
+        """Return the largest force of each state on tendons as traces."""
         if self.ends is None:
             return []
         strain, words = self.ends.space.strain, f'with tendons of {1e3 * self.ends.tendon:.4g} mm'
@@ -222,7 +222,7 @@ def _line(x: np.ndarray, y: np.ndarray, colour: str, width: float, dash: str = '
 
 
 def _marker(x: float, y: float) -> dict[str, Any]:
-    """Return the diamond that stands for the present point."""
+    """Return the marker of the present point."""
     return {'type': 'scatter', 'mode': 'markers', 'x': [float(x)], 'y': [float(y)],
             'showlegend': False, 'hoverinfo': 'skip',
             'marker': {'symbol': 'diamond', 'size': 12, 'color': _HERE}}

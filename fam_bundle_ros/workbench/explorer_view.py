@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The force-strain space on the page: sliders, three figures, and what they show in words."""
+"""The force-strain space on the page: sliders, three figures, and their description."""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class ExplorerView:
-    """Sliders move the point; the figures follow."""
+    """Sliders that set the point, and figures that show it."""
 
     def __init__(self, page: 'Page', explorer: Explorer):
         self.page, self.explorer = page, explorer

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Access to the page: host names, token, origin, size of uploads, and what the page may load.
+Access control of the page: host names, token, origin, size of uploads, content security policy.
 
 A plain ASGI layer in front of everything, web sockets and uploads included.
 """
@@ -19,7 +19,7 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 #: Names that mean this machine.
 LOCAL = ('127.0.0.1', 'localhost', '::1')
 COOKIE = 'fam_bundle_token'
-#: Vue compiles templates in the page, hence unsafe-eval; nothing may come from elsewhere.
+#: Vue compiles templates in the page, hence unsafe-eval; other sources are forbidden.
 _POLICY = ("default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
            "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
            "font-src 'self' data:; connect-src 'self' data: blob:; worker-src 'self' blob:; "
@@ -46,9 +46,9 @@ class Guard:
     hosts : sequence of str
         Host names that requests may be for; empty for any (then a token is needed).
     token : str
-        Asked of every request; '' for none.
+        Required of every request; '' for none.
     max_body : int
-        Bytes that a request may carry.
+        Largest size of a request, bytes.
     """
 
     def __init__(self, app: Any, hosts: tuple[str, ...] = LOCAL, token: str = '',
@@ -56,7 +56,7 @@ class Guard:
         self.app, self.hosts, self.token, self.max_body = app, hosts, token, max_body
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let a request through, or answer it here."""
+        """Pass a request on, or refuse it."""
         if scope['type'] not in ('http', 'websocket'):
             await self.app(scope, receive, send)
             return
@@ -64,7 +64,7 @@ class Guard:
                    for key, value in scope['headers']}
         host = headers.get('host', '')
         if self.hosts and _name(host) not in self.hosts:
-            # a page elsewhere may have its own name point here (DNS rebinding)
+            # another site may let its own name point to this machine (DNS rebinding)
             await _refuse(scope, send, 421, b'this name is not served here')
             return
         origin = headers.get('origin')
@@ -86,7 +86,7 @@ class Guard:
         return hmac.compare_digest(given.encode(), self.token.encode())
 
     async def _ask(self, scope: Scope, send: Send) -> None:
-        """Turn the right token in the address into a cookie; ask for it otherwise."""
+        """Set a cookie if the address has the right token; ask for the token otherwise."""
         query = parse_qs(scope.get('query_string', b'').decode('latin-1'))
         given = query.get('token', [''])[0]
         right = hmac.compare_digest(given.encode(), self.token.encode())
@@ -124,7 +124,7 @@ async def _refuse(scope: Scope, send: Send, status: int, body: bytes) -> None:
 
 
 def _counted(receive: Receive, most: int) -> Receive:
-    """Stop a body that is longer than its header says."""
+    """Disconnect when a body is longer than ``most`` bytes, whatever its header says."""
     total = 0
 
     async def limited() -> MutableMapping[str, Any]:

@@ -4,7 +4,7 @@
 A measurement before it is opened: first rows, recognised columns, and the user's corrections.
 
 Plain Python; the page draws it. After each change `Incoming.look` reads the whole file again, so
-that the page accepts exactly what can be read.
+that the page shows the errors of the real reader.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,12 +21,12 @@ from fam_bundle_ros.data.vocabulary import likes, recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench.muscle import MuscleForm
 
-#: What a column may be, as the page says it.
+#: Quantities of a column, and their names on the page.
 QUANTITY_WORDS = {
     '': 'not used', 'time': 'time', 'trial': 'trial', 'strain': 'strain (shorter is +)',
     'contraction': 'contraction (shorter is +)', 'elongation': 'elongation (longer is +)',
     'length': 'length', 'pressure': 'pressure', 'force': 'force', 'strain_rate': 'strain rate'}
-#: Units to choose from, by the SI unit that they are like; others come as the file has them.
+#: Units to choose from, by SI unit; a unit of the file that is not here is added.
 UNITS = {'N': ('N', 'kN', 'mN', 'lbf', 'kgf', 'gf'),
          'Pa': ('kPa', 'Pa', 'MPa', 'bar', 'mbar', 'psi', 'kPa abs', 'Pa abs', 'MPa abs',
                 'bar abs', 'mbar abs', 'psi abs'),
@@ -34,7 +34,7 @@ UNITS = {'N': ('N', 'kN', 'mN', 'lbf', 'kgf', 'gf'),
          '1/s': ('1/s', '%/s')}
 
 
-#: Hints of messages for the command line -> the same for the page.
+#: Hints of messages for the command line -> hints for the page.
 _FIELDS = ((r' \(--rest-length, rest_length, or (?:a|its) model\)', ': the Length of your muscle'),
            (r'; (?:tell it|expected it told)\b.*--columns.*', '; choose it in the table'),
            (r'; expected one, or to be told,.*', '; choose one in the table'),
@@ -54,9 +54,9 @@ class Column:
     cells : tuple of str
         Its first rows.
     quantity, unit, why : str
-        What it is taken for, in which unit, and where that is from or why it is not used.
+        Recognised quantity and unit, and how they were recognised or why it is not used.
     sign : int
-        By which readings are multiplied.
+        Factor of the readings, 1 or -1.
     """
 
     header: str
@@ -68,7 +68,7 @@ class Column:
 
     @property
     def turned(self) -> bool:
-        """Whether readings count with the other sign than they are written with."""
+        """Whether the user inverts the sign of the readings."""
         return (self.sign < 0) != (self.quantity == 'elongation')
 
 
@@ -81,13 +81,13 @@ class Incoming:
     ----------
     name, origin : str
     table : Table or None
-        None for a bag, whose topics say what they are.
+        None for a bag, whose topics define the quantities.
     read_bag : callable or None
         Function of the rest length (m or None) to the measurement of a bag.
     muscle : MuscleForm
-        Tells the rest length, and the model to begin with.
+        Gives the rest length, and the model to start from.
     told : dict of str to str
-        What the user said: quantity to column, as in a recipe.
+        The user's settings: quantity to column, as in a recipe.
     drop_bad : bool
         Whether rows with words among the numbers are left out.
     file : str
@@ -111,7 +111,7 @@ class Incoming:
             self.muscle.values['muscles'] = ', '.join(['1'] * max(pressures, 1))
 
     def again(self) -> 'Incoming':
-        """Return a copy to be changed; this one stays as it is."""
+        """Return a copy that can be changed independently."""
         other = copy(self)
         other.told, other.muscle = dict(self.told), deepcopy(self.muscle)
         return other
@@ -124,7 +124,7 @@ class Incoming:
                       drop_bad=self.drop_bad)
 
     def look(self) -> Preview:
-        """Read the file as told; the preview has the measurement, or the problem."""
+        """Read the file with the present settings; the preview has measurement or problem."""
         if self.table is not None:
             seen = preview(self.table, recipe=self.recipe)
             return seen if seen.measurement is None else replace(
@@ -138,7 +138,7 @@ class Incoming:
 
     @staticmethod
     def said(problem: str) -> str:
-        """Return what is wrong in the words of the page, where options have fields."""
+        """Return a problem with the page's fields instead of the command line's options."""
         for option, field_words in _FIELDS:
             problem = re.sub(option, field_words, problem)
         return problem
@@ -153,7 +153,7 @@ class Incoming:
 
     @cached_property
     def quantities(self) -> list[tuple[str, str]]:
-        """What a column may be: keys and words; a pressure for each motor unit."""
+        """Choices for a column: keys and names; a pressure for each motor unit."""
         headers = self.table.columns if self.table is not None else ()
         pressures = sum(recognise(header).quantity == 'pressure' for header in headers)
         units = [(f'pressure.mu{k}', f'pressure of MU{k}')
@@ -164,7 +164,7 @@ class Incoming:
 
     @staticmethod
     def units_for(quantity: str, present: str) -> tuple[str, ...]:
-        """Return the units to choose from for a quantity, with the one that is there."""
+        """Return the units to choose from for a quantity, with the present one."""
         base = quantity.partition('.')[0]
         if base in ('', 'trial'):
             return ()
@@ -174,9 +174,9 @@ class Incoming:
     def change(self, column: Column, among: Sequence[Column], quantity: str | None = None,
                unit: str | None = None, turned: bool | None = None) -> None:
         """
-        Set what one column of several is: its quantity, unit, sign.
+        Set quantity, unit and sign of one column.
 
-        A quantity that another column had goes from that to this one.
+        If another column had this quantity, it loses it.
         """
         new = column.quantity if quantity is None else quantity
         if column.quantity and column.quantity != new:
@@ -184,14 +184,14 @@ class Incoming:
         if not new:
             return
         if new.startswith('pressure'):
-            # one pressure that is set rules out the others, unless they are set too
+            # once a pressure is set, the reader ignores the others unless they are set too
             for other in among:
                 if other.quantity.startswith('pressure') and other.header != column.header and (
                         other.quantity != new):
                     self.told.setdefault(other.quantity, _spec(
                         other, other.quantity, other.unit, other.turned))
         base = new.partition('.')[0]
-        # a unit stays only where it fits what the column is now
+        # the unit is kept only if it suits the new quantity
         kept = column.unit if new == column.quantity or any(
             column.unit in UNITS[like] for like in likes(base) if like in UNITS) else ''
         used = kept if unit is None else unit
@@ -201,16 +201,16 @@ class Incoming:
             del self.told[key]
 
     def constant(self, quantity: str, value: str) -> None:
-        """Take a constant for a quantity that no column has; '' takes it back."""
+        """Set a constant for a quantity without a column; '' removes it."""
         if value.strip():
             self.told[quantity] = value.strip()
         else:
             self.told.pop(quantity, None)
 
     def measurement(self) -> Measurement:
-        """Return the measurement as the columns and the muscle are told; InputError says why not.
+        """Return the measurement for the present columns and muscle; InputError says why not.
 
-        A length becomes another strain where the muscle has another length.
+        The strain of a column of lengths depends on the muscle's rest length.
         """
         seen = self.look()
         if seen.measurement is None:
@@ -218,7 +218,7 @@ class Incoming:
         return seen.measurement
 
     def plain(self, seen: Preview) -> bool:
-        """Return whether every column is named by its quantity and unit: nothing to be asked."""
+        """Return whether every column is named by quantity and unit, so that none is in doubt."""
         return seen.measurement is not None and not taken_words(seen.measurement)
 
 
@@ -228,6 +228,6 @@ def _family(key: str) -> str:
 
 
 def _spec(column: Column, quantity: str, unit: str, turned: bool) -> str:
-    """Return what a recipe says of a column: its header, unit and sign."""
+    """Return the entry of a column in a recipe: header, unit and sign."""
     told = f" [{'1' if unit == 'ratio' else unit}]" if unit and quantity != 'trial' else ''
     return f'{"-" if turned else ""}{column.header}{told}'

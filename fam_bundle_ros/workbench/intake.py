@@ -1,11 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Makes measurements and models of the files that a browser uploads.
+Reads measurements and models from files that a browser uploads.
 
-Nothing that comes from a browser is used as a path: a file's name is only shown, its content is
-stored for a moment in a private folder under a fixed name, and model files that would read other
-files are refused.
+No path comes from the browser: a file's name is only displayed, its content is stored temporarily
+in a private folder under a fixed name, and model files that refer to other files are refused.
 """
 
 from collections.abc import Iterator
@@ -24,11 +23,11 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, loads_model
 from fam_bundle_ros.workbench.incoming import Incoming
 
-#: Largest file that the page takes, bytes; larger logs are read by the command line.
+#: Largest upload, bytes; larger logs are read by the command line.
 MAX_UPLOAD = 100 << 20
 _MAX_MODEL = 1 << 20
 _MODELS = ('.yaml', '.yml')
-#: Endings of the files that the page takes.
+#: Accepted file name endings.
 TAKEN = (*SUFFIXES, *_MODELS)
 
 
@@ -57,7 +56,7 @@ def is_model(name: str) -> bool:
 
 @contextmanager
 def _stored(shown: str, content: bytes) -> Iterator[Path]:
-    """Lend a private file with an upload's content; errors speak of it by the user's name."""
+    """Provide a private file with an upload's content; errors name it as the user does."""
     suffix = Path(shown).suffix.lower()
     with tempfile.TemporaryDirectory(prefix='fam_bundle_upload_') as folder:
         path = Path(folder) / f'upload{suffix if suffix in SUFFIXES else ".csv"}'
@@ -71,18 +70,18 @@ def _stored(shown: str, content: bytes) -> Iterator[Path]:
 
 def incoming_from_bytes(name: str, content: bytes) -> Incoming:
     """
-    Return an uploaded file with its table, before the user says what each column is.
+    Return an uploaded file with its table, before the user has checked the columns.
 
     Parameters
     ----------
     name : str
-        As the browser gave it: a label, whose ending is the kind of file.
+        Name from the browser; its ending determines the kind of file.
     content : bytes
 
     Raises
     ------
     InputError
-        For a file that is no table; the message names it as the user knows it.
+        For a file that is not a table; the message contains the user's name of the file.
     """
     shown = label(name)
     _limit(shown, content, MAX_UPLOAD)
@@ -98,7 +97,7 @@ def incoming_from_bytes(name: str, content: bytes) -> Incoming:
 
 
 def incoming_from_path(path: Path, name: str = '') -> Incoming:
-    """Return a file of this machine with its table; InputError where it is none."""
+    """Return a file of this machine with its table; InputError if it is not a table."""
     shown = name or path.name
     file = '' if name else str(path)
     if is_bag(path):

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 class IntakeView:
-    """Mapper and muscle; the button is there once both are complete."""
+    """Columns and muscle; the button is enabled once both are complete."""
 
     def __init__(self, page: 'Page', incoming: Incoming):
         self.page, self.incoming = page, incoming
         with parts.box('div', 'intake'):
             with parts.box('section', 'intake-head'):
                 self.kind = parts.text('span', '', 'muted small')
-                parts.text('h1', 'Is this how the file is meant?')
+                parts.text('h1', 'Are the columns of the file correct?')
                 self.state = parts.box('div', 'state', 'intake:state').props(
                     'role=status aria-live=polite')
             with parts.box('section', 'columns'):
@@ -121,7 +121,7 @@ class IntakeView:
                    'tick small' if mark else 'muted small')
 
     def _draw_constants(self) -> None:
-        """Offer constants for what a file may lack: the pressure of an isobar, the sample rate."""
+        """Draw fields for constants that a file may lack: pressure of an isobar, sample rate."""
         if self.incoming.table is None:
             return
         has = {taken.quantity.partition('.')[0] for taken in self.incoming.look().taken}

@@ -37,7 +37,7 @@ class Job:
         self._work = (function, arguments)
         self._process: asyncio.subprocess.Process | None = None
         self._cancelled = False
-        #: How far it is, 0 to 1, and with what it is busy.
+        #: Share that is done, 0 to 1, and the present step.
         self.share, self.words = 0.0, 'starting'
 
     async def run(self) -> Any:
@@ -51,7 +51,7 @@ class Job:
         InputError
             For input that the work could not use.
         WorkerError
-            When the worker broke down.
+            When the worker failed.
         """
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, '-m', 'fam_bundle_ros.workbench.worker', env=environment(),

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The live ROS graph as a measurement: what the rig's topics say for some seconds.
+The live ROS graph as a measurement: the rig's topics recorded for some seconds.
 
-ROS stays out of this process: the command ``fam_bundle record`` listens in one of its own, and its
-bag is read like any other.
+This process does not use ROS: the command ``fam_bundle record`` runs in a process of its own, and
+its bag is read like any other.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ import tempfile
 from fam_bundle_ros.discovery import Measurement, read_measurement
 from fam_bundle_ros.errors import InputError
 
-#: What is taken of the live graph: seconds, and of which bundle.
+#: Duration of the recording, s, and namespace of the bundle.
 SECONDS, NAMESPACE = 20.0, '/bundle'
 
 
@@ -28,13 +28,13 @@ def available() -> bool:
 
 
 def check_namespace(name: str) -> None:
-    """Raise InputError for a name that is no ROS namespace."""
+    """Raise InputError for a name that is not a ROS namespace."""
     if not re.fullmatch(r'(/[A-Za-z_]\w*){1,8}', name):
         raise InputError(f"namespace '{name[:60]}': expected a ROS name such as /bundle")
 
 
 async def end(process: asyncio.subprocess.Process | None, patience: float) -> None:
-    """End a process as Ctrl-C does; kill it where it has not ended after ``patience`` seconds."""
+    """End a process as Ctrl-C does; kill it if it has not ended after ``patience`` (s)."""
     if process is None or process.returncode is not None:
         return
     process.send_signal(signal.SIGINT)
@@ -46,7 +46,7 @@ async def end(process: asyncio.subprocess.Process | None, patience: float) -> No
 
 
 async def record() -> Measurement:
-    """Return what a bundle says for `SECONDS`; InputError where nothing is heard."""
+    """Return a recording of `SECONDS` of a bundle; InputError if there are no messages."""
     with tempfile.TemporaryDirectory(prefix='fam_bundle_live_') as folder:
         bag = Path(folder) / 'bag'
         process = await asyncio.create_subprocess_exec(

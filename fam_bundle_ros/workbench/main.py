@@ -33,14 +33,14 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
     Parameters
     ----------
     data : path, optional
-        A measurement to open with.
+        Measurement to open at the start.
     model : path, optional
         The model to start from; without it the page asks for the muscle.
     host : str
-        Another address than this machine's own needs a token.
+        An address other than this machine's own needs a token.
     port : int
     token : str, optional
-        What a browser must know; it is asked for once and kept in a cookie.
+        Secret for the browser; it is asked for once and kept in a cookie.
     show : bool
         Open a browser.
 
@@ -65,10 +65,10 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
     app.add_middleware(Guard, hosts=hosts, token=token or '', max_body=MAX_UPLOAD + (1 << 20))
     address = f'http://{f"[{host}]" if ":" in host else host}:{port}/'
     if host not in LOCAL:
-        print(f'workbench: open to other machines at {address} for who knows the token')
+        print(f'workbench: open to other machines at {address} with the token')
     else:
         print(f'workbench: {address} (this machine only; Ctrl-C ends it)')
-    # Ctrl-C is how it ends
+    # Ctrl-C is the normal end
     with suppress(KeyboardInterrupt):
         ui.run(host=host, port=port, title='fam_bundle workbench', reload=False, dark=None,
                show=f'/?token={token}' if show and token else show, tailwind=False,
@@ -78,7 +78,7 @@ def run(data: str | Path | None = None, model: str | Path | None = None,
 
 def first_case(data: str | Path | None, model: str | Path | None) -> Case | Incoming | None:
     """
-    Return what to open with, None for the start page; InputError for files that cannot be used.
+    Return what to open first, None for the start page; InputError for files that cannot be used.
 
     Without a model, or where a column is in doubt, the page asks before anything is computed.
     """

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-An experiment that is driven on the bundle of the page "Live": a process of `fam_bundle measure`.
+Runs an experiment on the bundle of the page "Live", in a process of `fam_bundle measure`.
 
-ROS stays out of this process. The other one ends, and vents, when its standard input closes, so
+This process does not use ROS. The other one vents and ends when its standard input closes, and so
 also when the workbench is killed.
 """
 
@@ -21,11 +21,11 @@ from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
 from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.workbench import live
 
-#: Where the recordings go, below the working directory.
+#: Folder of the recordings, below the working directory.
 FOLDER = 'fam_bundle_measurements'
-#: s to vent and to switch the controller off, before it is killed.
+#: Time to vent and to switch the controller off before the process is killed, s.
 _FAREWELL = 12.0
-#: Lines of its error output that are kept.
+#: Number of lines kept of the error output.
 _LINES = 12
 _PROGRESS = re.compile(r'measure: (\d+) %(?:, (.*))?')
 _STOPPED = 'stopped and vented: '
@@ -40,17 +40,17 @@ sys.exit(main())
 @dataclass(frozen=True)
 class Order:
     """
-    A measurement to be made.
+    An experiment to be run.
 
     Attributes
     ----------
     protocol, model : str
-        Files, or names of what ships; the model is that of the controller.
+        Files, or names of shipped ones; the model is that of the controller.
     namespace : str
     out : str
         New CSV.
     resume : bool
-        Go on with what is there of it.
+        Continue an unfinished recording.
     """
 
     protocol: str
@@ -67,7 +67,7 @@ class Order:
 
     @property
     def arguments(self) -> list[str]:
-        """What follows ``fam_bundle`` on a command line."""
+        """Arguments of ``fam_bundle``."""
         return ['measure', '--rig', '--yes', '--model', self.model, '--namespace', self.namespace,
                 '--out', self.out, *(['--resume'] if self.resume else []), '--', self.protocol]
 
@@ -79,17 +79,17 @@ class MeasureRun:
     Attributes
     ----------
     running : bool
-        Whether one is under way.
+        Whether a measurement is running.
     order : Order or None
-        The last that was given.
+        The last order.
     share : float
-        How far it is, 0 to 1.
+        Share that is done, 0 to 1.
     words : str
-        What it is doing, and how long it takes still.
+        Present step and time left.
     file : str
-        The CSV of the last one, once it is complete; else empty.
+        CSV of the last measurement once it is complete; else empty.
     failure : str
-        Why the last one ended before it was complete; else empty.
+        Why the last measurement ended early; else empty.
     """
 
     def __init__(self) -> None:
@@ -101,21 +101,21 @@ class MeasureRun:
 
     @property
     def kept(self) -> bool:
-        """Whether there are segments of a measurement that ended early, to resume."""
+        """Whether a measurement ended early with segments, so that it can be resumed."""
         return not self.running and self.order is not None and bool(
             self.failure) and Path(f'{self.order.out}.parts').is_dir()
 
     async def run(self, order: Order) -> None:
         """
-        Measure; return when it is over: `file` or `failure` says how.
+        Measure; return at the end, with the outcome in `file` or `failure`.
 
         Raises
         ------
         InputError
-            Where one is under way already, or the recording has no place.
+            When one is running already, or the folder cannot be created.
         """
         if self.running:
-            raise InputError('a measurement is under way already: stop it first')
+            raise InputError('a measurement is running already: stop it first')
         try:
             Path(order.out).parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -134,9 +134,9 @@ class MeasureRun:
             self.running = False
 
     async def _talk(self, order: Order) -> tuple[int, list[str]]:
-        # FORCE_COLOR would make a bar of the lines
+        # FORCE_COLOR would replace the lines by a progress bar
         variables = {key: value for key, value in environment().items() if key != 'FORCE_COLOR'}
-        # a session of its own: Ctrl-C in a terminal is for the workbench, which ends it
+        # a session of its own: Ctrl-C in a terminal goes to the workbench, which ends the process
         process = self._process = await asyncio.create_subprocess_exec(
             sys.executable, '-c', _COMMAND, *order.arguments, env=variables,
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.DEVNULL,
@@ -159,7 +159,7 @@ class MeasureRun:
         if not self.running:
             return
         self._stopped, self.words = True, 'stopping and venting ...'
-        # where it is killed the controller vents: its references no longer come
+        # if the process is killed, the controller vents as it gets no more references
         await live.end(self._process, _FAREWELL)
 
 
@@ -181,7 +181,7 @@ def reason(lines: list[str]) -> str:
 
 
 def model_file(told: str) -> str:
-    """Return the path of a model as nodes find it; InputError where there is none here."""
+    """Return the path of a model as nodes find it; InputError if it does not exist."""
     try:
         return str(shipped_or_own(told, 'models').absolute())
     except InputError as error:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: Choices besides the protocols that ship.
 _FILE, _NEXT = 'file:', 'next:'
-#: What ships and is chosen first.
+#: Shipped protocol that is chosen at first.
 _FIRST = 'first_look'
 
 
@@ -40,7 +40,7 @@ class MeasureView:
         self.page, self.rig = page, rig
         self._chosen, self._typed, self._model = _FIRST, '', ''
         self._protocol: Protocol | None = None
-        #: What the user is asked to confirm.
+        #: Order that the user must confirm.
         self._asked: Order | None = None
         self._shown: dict[str, Any] = {}
         self._refilled = ''
@@ -51,7 +51,7 @@ class MeasureView:
                                     hint='/home/me/my_protocol.yaml')
             self.path.set_visibility(False)
             self.model = parts.typed('Model of the controller', '', self._type_model,
-                                     mark='live:model', hint='the one that model_monitor has')
+                                     mark='live:model', hint='that of model_monitor')
             self.takes = parts.text('p', '', 'muted small', 'live:takes')
             self.buttons = parts.box('div', 'row')
             self.said = parts.text('p', '', 'small', 'live:measured').props('role=status')
@@ -96,7 +96,7 @@ class MeasureView:
         self.look()
 
     def _reckon(self) -> None:
-        """Say how long the experiment takes, or why it cannot be read."""
+        """Show the duration of the experiment, or why its protocol cannot be read."""
         self._asked, self._protocol, problem = None, None, ''
         if self._chosen == _FILE and not self._typed:
             problem = 'The path of a protocol file, on the machine of the workbench.'
@@ -125,7 +125,7 @@ class MeasureView:
             self._want(lambda: replace(before, resume=True))
 
     def _want(self, order: Callable[[], Order]) -> None:
-        """Begin; on a real rig only after a question."""
+        """Begin; on a real rig only after confirmation."""
         self.rig.measure_failure = ''
         try:
             made = order()
@@ -138,7 +138,7 @@ class MeasureView:
         self.look()
 
     def _confirm(self) -> None:
-        """Begin what was confirmed."""
+        """Begin the confirmed measurement."""
         asked, self._asked = self._asked, None
         if asked is not None:
             try:
@@ -161,12 +161,12 @@ class MeasureView:
     def _told_model(self) -> str:
         told = self._model or str(self.rig.record.state.get('file') or '')
         if not told:
-            raise InputError('which model has the controller? No model_monitor says it: type its '
-                             'file above')
+            raise InputError('which model does the controller use? No model_monitor is running: '
+                             'enter its file above')
         return model_file(told)
 
     async def _open(self) -> None:
-        """Open the recording beside the model of the controller, to compare and diagnose."""
+        """Open the recording with the model of the controller, to compare and diagnose."""
         run = self.rig.measurement
         order = run.order
         if order is None or not run.file:
@@ -184,7 +184,7 @@ class MeasureView:
     # --- what it shows -------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Show what is new."""
+        """Update the display."""
         if self._next != self._refilled:
             self._fill_choice()
         run = self.rig.measurement
@@ -203,9 +203,9 @@ class MeasureView:
         if state['running']:
             parts.button('Stop', self._stop, 'main-action small', 'live:measure-stop')
         elif state['asking']:
-            parts.text('p', 'Now the muscles of a real rig are filled, and moved. Is everybody '
-                       'away from them and the stop button at hand?', 'small')
-            # first, so that a second click on what stood here starts nothing
+            parts.text('p', 'The muscles of a real rig will be filled and will move. Is everybody '
+                       'away from them and the stop button within reach?', 'small')
+            # first, so that an accidental double click does not start the experiment
             parts.button('Cancel', self._cancel, 'plain', 'live:measure-cancel')
             parts.button('Everybody is away: measure', self._confirm, 'main-action small',
                          'live:measure-confirm')
@@ -213,9 +213,9 @@ class MeasureView:
             measure = parts.button('Measure', self._measure, 'main-action small', 'live:measure')
             measure._props['disabled'] = not state['able']
             if state['kept']:
-                parts.button('Go on with it', self._go_on, 'plain', 'live:measure-on')
+                parts.button('Resume', self._go_on, 'plain', 'live:measure-on')
             if run.file:
-                parts.button('Open it', self._open, 'plain', 'live:measure-open')
+                parts.button('Open the recording', self._open, 'plain', 'live:measure-open')
 
     def _words(self) -> str:
         run = self.rig.measurement

@@ -3,7 +3,7 @@
 """
 The form "Your muscle" as plain Python: a part or dimensions, as `fam_bundle new-model` takes them.
 
-What is typed stays as it is typed, right or wrong; `MuscleForm.bundle` says what is wrong.
+The text is kept as typed, right or wrong; `MuscleForm.bundle` says what is wrong.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from fam_bundle_ros.model.own_muscle import (
 )
 from fam_bundle_ros.units import parse, spaced
 
-#: What a new model may begin with: key, words, effects of the catalogue.
+#: Choices of the first effects of a new model: key, name, effects of the catalogue.
 STARTS = (('braid', 'the ideal braid', START_EFFECTS),
           ('bladder', 'the braid and a rubber bladder', (*START_EFFECTS, 'bladder_elasticity')))
 
@@ -36,7 +36,7 @@ def _label(entry: Entry) -> str:
 @dataclass
 class MuscleForm:
     """
-    A muscle as it is typed.
+    A muscle as text fields.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class MuscleForm:
     values : dict of str to str
         By key of `ENTRIES`.
     sources : dict of str to str
-        Where values are from that were not typed.
+        Sources of the values that were not typed.
     part, start : str
         Name of a catalogue part ('' for own dimensions), and key of `STARTS`.
     base : Bundle or None
@@ -60,11 +60,11 @@ class MuscleForm:
 
     @classmethod
     def of(cls, bundle: Bundle) -> 'MuscleForm':
-        """Return the form of a model that is there: its dimensions, with its effects kept."""
+        """Return the form of an existing model, with its dimensions and its effects."""
         return cls(bundle.name, dimensions_of(bundle), base=bundle)
 
     def choose(self, part: str) -> None:
-        """Take a part's values; '' goes back to one's own, which stay as they are."""
+        """Set the values of a catalogue part; '' for own dimensions, starting from the present."""
         self.part = part
         if part:
             stock = find_part(part)
@@ -101,7 +101,7 @@ class MuscleForm:
         return ''
 
     def quantity(self, key: str) -> float | None:
-        """Return one value in SI units, None where it is not one yet."""
+        """Return one value in SI units, None if it is not a positive quantity."""
         entry = next(entry for entry in ENTRIES if entry.key == key)
         try:
             value = parse(spaced(self.values.get(key, '')), entry.unit)

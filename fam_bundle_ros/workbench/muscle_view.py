@@ -15,7 +15,7 @@ from fam_bundle_ros.workbench.muscle import MuscleForm, STARTS
 
 class MuscleView:
     """
-    Fields of a `MuscleForm`; each change is told at once.
+    Fields of a `MuscleForm`; each change is reported at once.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class MuscleView:
     on_change : callable
         Called after each change.
     tell : callable
-        Shows a message: what is wrong with a model that is to be saved.
+        Shows a message, why the model cannot be saved.
     """
 
     def __init__(self, form: MuscleForm, on_change: Callable[[], None],
@@ -73,7 +73,7 @@ class MuscleView:
         self.on_change()
 
     def look(self) -> None:
-        """Show what is missing, and the source of values that were not typed."""
+        """Show what is missing or wrong, and the source of values that were not typed."""
         problem = self.form.problem
         self.said.set_text(problem[:1].upper() + problem[1:])
         self.sources.clear()
@@ -84,12 +84,12 @@ class MuscleView:
         if not told:
             return
         with self.sources, parts.box('details'):
-            parts.text('summary', 'Where these values are from')
+            parts.text('summary', 'Sources of these values')
             for source, labels in told.items():
                 parts.text('p', f'{", ".join(labels)}: {source}.')
 
     def save(self) -> None:
-        """Give the model file."""
+        """Offer the model file as a download."""
         try:
             content = self.form.text()
         except InputError as error:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""An effect that the user writes as a formula: what the form holds, and what it would do."""
+"""An effect that the user writes as a formula: contents of the form, and preview of the effect."""
 
 from dataclasses import dataclass, field
 import re
@@ -16,10 +16,10 @@ from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, RESULTS, 
 from fam_bundle_ros.units import express, parse, registry
 from fam_bundle_ros.workbench.session import Session
 
-#: Where a formula may act, in words.
+#: Results of a formula, and their names on the page.
 PLACES = {'force': 'a force (N), elastic', 'loss': 'a force (N), lost or delayed',
           'pressure': 'a change of pressure (Pa)', 'geometry': 'a change of strain',
-          'limit': 'the least force (N)'}
+          'limit': 'the smallest force (N)'}
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Draft:
     fields: dict[str, Field] = field(default_factory=dict)
 
     def sync(self) -> None:
-        """Have one field for each name in the formula that is not a variable."""
+        """Keep one field for each name in the formula that is not a variable or function."""
         names = names_in(self.formula)
         self.fields = {name: self.fields.get(name, Field()) for name in names}
 
@@ -110,7 +110,7 @@ def preview(session: Session, effect: Effect) -> Preview:
 
 
 def from_template(template: Template) -> Draft:
-    """Return a form filled with a shape that a diagnosis found in the error."""
+    """Return a form filled with a shape that a diagnosis found in the residual."""
     if template.expression is None:
         raise InputError(f"'{template.words}' cannot be written as a formula")
     unit = f' {template.unit}' if template.unit else ''
@@ -136,7 +136,7 @@ def _parameter(name: str, item: Field) -> Parameter:
         high = parse(item.upper, unit) if item.upper.strip() else max(0.0, 10.0 * value)
     except InputError as error:
         raise InputError(f'parameter {name}: {error}') from None
-    except Exception as error:  # pint raises many kinds for what is no unit
+    except Exception as error:  # pint raises many kinds of errors for a wrong unit
         raise InputError(f"parameter {name}: '{unit}' is not a unit") from error
     if not high > low:
         raise InputError(f'parameter {name}: its lower bound is not below its upper bound')

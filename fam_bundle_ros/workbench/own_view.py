@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The form for an effect of the user's own, with what it would do as it is typed."""
+"""The form for the user's own effect, with a preview while it is typed."""
 
 from functools import partial
 from typing import TYPE_CHECKING
@@ -75,7 +75,7 @@ class OwnEffectDialog:
         self._look()
 
     def _look(self) -> None:
-        """Say and draw what the effect does as it is typed."""
+        """Show the preview of the effect as typed."""
         self.sketch.clear()
         try:
             effect = self.draft.effect()
@@ -87,7 +87,7 @@ class OwnEffectDialog:
         better = 'less' if seen.error_N < now else 'more'
         self.said.set_text(
             f'At these values it changes the force by {short(seen.change_N)} N rms; the error '
-            f'would be {short(seen.error_N)} N, {better} than the {short(now)} N of now. A refit '
+            f'would be {short(seen.error_N)} N, {better} than the present {short(now)} N. A refit '
             'will find better values.')
         with self.sketch:
             parts.plot(self._figure(seen), 'error now and with the effect')

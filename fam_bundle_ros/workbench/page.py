@@ -30,7 +30,7 @@ _LOOK = '[matchMedia("(prefers-color-scheme: dark)").matches, ' \
 
 
 def register(first: Case | Incoming | None = None) -> None:
-    """Put the page at '/', where it opens with ``first``, and at '/live'."""
+    """Serve the page at '/', where it opens ``first``, and at '/live'."""
     ui.page('/', title='fam_bundle workbench')(root(first))
     ui.page('/live', title='fam_bundle live')(root(view='live'))
 
@@ -42,15 +42,15 @@ def root(first: Case | Incoming | None = None, view: str = 'find'
         ui.add_css(parts.style())
         await ui.context.client.connected()
         if not ui.context.client.has_socket_connection:
-            return  # a client that runs no scripts
-        # a tab keeps its session when it is loaded again; two tabs never share one
+            return  # a client without JavaScript
+        # a tab keeps its session when it is reloaded; tabs do not share sessions
         kept = app.storage.tab
         fresh = 'session' not in kept
         session = kept.setdefault('session', Session())
         page = Page(session)
         page.view = view
         if fresh and isinstance(first, Incoming):
-            session.incoming = deepcopy(first)  # tabs do not share what is typed
+            session.incoming = deepcopy(first)  # tabs do not share input
         elif fresh and first is not None:
             session.open(first)
         await page.look()
@@ -76,11 +76,11 @@ class Page:
         self.explorer: Explorer | None = None
         self.case_view: CaseView | None = None
         self.rig_view: RigView | None = None
-        #: Files that are dropped together arrive at the same time.
+        #: For files that are dropped together and arrive at the same time.
         self._files = asyncio.Lock()
 
     async def look(self) -> None:
-        """Ask the browser whether it is dark or narrow, and whether animation is wanted."""
+        """Ask the browser for dark mode, narrow window and reduced motion."""
         try:
             self.dark, still, self.narrow = await ui.run_javascript(_LOOK, timeout=3.0)
         except (TimeoutError, TypeError, ValueError):
@@ -100,7 +100,7 @@ class Page:
         self.show()
 
     def show(self, view: str | None = None) -> None:
-        """Draw a view anew: ``find``, ``explore`` or ``live``; by default the present one."""
+        """Redraw a view: ``find``, ``explore`` or ``live``; by default the present one."""
         self.view = view or self.view
         if self.rig_view is not None:
             self.rig_view.timer.deactivate()
@@ -124,7 +124,7 @@ class Page:
 
     @property
     def chosen_muscle(self) -> Bundle | None:
-        """The open model, else the muscle that is being told, None before there is one."""
+        """The open model, else the muscle being entered, else an uploaded model, else None."""
         incoming = self.session.incoming
         if self.session.case is not None:
             return self.session.now.model
@@ -190,7 +190,7 @@ class Page:
             await self.guarded(take)
 
     def _take(self, incoming: Incoming | None) -> None:
-        """Open a file where its columns are clear and its model is there, else ask."""
+        """Open a file if its columns are clear and its model is known, else ask the user."""
         model = self.pending_model
         if incoming is not None and model is not None:
             incoming.muscle = MuscleForm.of(model)
@@ -201,7 +201,7 @@ class Page:
         self.session.incoming = incoming
 
     async def open_incoming(self) -> None:
-        """Open the file as its columns and its muscle are told."""
+        """Open the file with the present columns and muscle."""
         incoming = self.session.incoming
         if incoming is None:
             return
@@ -216,7 +216,7 @@ class Page:
             self.show('find')
 
     def leave_columns(self) -> None:
-        """Go back to the open file as it was."""
+        """Go back to the open file without changes."""
         self.session.incoming = None
         self.show('find')
 
@@ -224,7 +224,7 @@ class Page:
     pending_model: Bundle | None = None
 
     async def record_live(self) -> None:
-        """Take the live ROS graph for some seconds."""
+        """Record the live ROS graph for some seconds."""
         async def listen() -> None:
             data = await record()
             await asyncio.to_thread(self._take, Incoming(
@@ -234,7 +234,7 @@ class Page:
 
     async def guarded(self, work: Callable[[], Any]) -> bool:
         """
-        Do something that may find bad input; show what was wrong on the page.
+        Call a function that may raise InputError; show the error on the page.
 
         Parameters
         ----------

@@ -32,25 +32,25 @@ def style() -> str:
 
 
 def box(tag: str, classes: str = '', mark: str = '') -> ui.element:
-    """Return an element to put others into; ``mark`` is what tests find it by."""
+    """Return an element that contains others; tests find it by ``mark``."""
     return _marked(ui.element(tag).classes(classes), mark)
 
 
 def text(tag: str, said: str, classes: str = '', mark: str = '') -> TextElement:
-    """Return an element with text; whatever the text holds, it is never taken as HTML."""
+    """Return an element with text, which is never interpreted as HTML."""
     return _marked(TextElement(tag=tag, text=said).classes(classes), mark)
 
 
 def button(said: str, on_click: Callable[..., Any], classes: str = 'plain', mark: str = '',
            **props: str) -> TextElement:
-    """Return a button that the keyboard reaches."""
+    """Return a button that can be used with the keyboard."""
     made = text('button', said, classes, mark).props('type=button').on('click', on_click, args=[])
     made._props.update(props)
     return made
 
 
 def progress(job: Job) -> tuple[TextElement, ui.timer]:
-    """Draw how far a job is; return the words beside the bar, and the timer that moves both."""
+    """Draw the progress of a job; return the text beside the bar and the timer of updates."""
     with box('div', 'bar').props('role=progressbar aria-label=progress'):
         filled = box('i').style('width: 2%')
     said = text('span', f'{words(job.words)} …', 'muted small')
@@ -84,7 +84,7 @@ def pick(label: str, options: Sequence[str], chosen: int | None,
 def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
            on_change: Callable[[str], Any], mark: str = '', classes: str = 'field',
            named: str = '') -> ui.element:
-    """Return a native select of (key, words); without a label it is ``named`` for readers."""
+    """Return a native select of (key, words); ``named`` is its label for screen readers."""
     def changed(event: Any) -> None:
         if str(event.args) in [key for key, _ in options]:
             on_change(str(event.args))
@@ -106,11 +106,11 @@ def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
 
 def typed(label: str, value: str, on_change: Callable[[str], Any], classes: str = '',
           mark: str = '', code: bool = False, hint: str = '') -> ui.element:
-    """Return a text field with its label; changes are passed on after a short pause."""
+    """Return a text field with its label; changes are passed on after a short delay."""
     with box('label', f'field {classes}') as made:
         text('span', label)
         field = box('input', 'code' if code else '', mark)
-        # not `value`: the browser would be set back to it at each redraw
+        # not `value`, to which the browser would be reset at each redraw
         field._props.update(type='text', defaultValue=value, placeholder=hint, autocomplete='off',
                             spellcheck='false', maxlength='500')
         field.on('input', lambda event: on_change(str(event.args)[:500]), throttle=0.25,
@@ -145,7 +145,7 @@ def sentence(said: str) -> str:
 
 
 def swatch(effect: str, dark: bool) -> ui.element:
-    """Return the line in the colour and dash that stands for an effect everywhere."""
+    """Return a sample line in the colour and dash of an effect."""
     colour = palette.effect(effect)
     dash = {'solid': 'solid', 'dot': 'dotted'}.get(palette.dash(effect), 'dashed')
     return box('span', 'swatch').style(f'border-top: 4px {dash} {colour.on(dark)}').props(

@@ -7,9 +7,9 @@ from typing import Any
 
 from fam_bundle_ros import palette, plotting
 
-#: Residuals within so many standard deviations of the noise are noise.
+#: Half-width of the noise band, in standard deviations of the noise.
 _BAND = 2.0
-#: s shown.
+#: Time span of the figure, s.
 _SHOWN = 20.0
 
 
@@ -21,7 +21,7 @@ def live_figure(samples: Sequence[dict[str, Any]], noise: float | None) -> dict[
     ----------
     samples : sequence of dict
         Of the feed: time, force, model, residual, reference, reference_kind, pressure, setpoint,
-        strain; what is missing or None leaves a gap.
+        strain; a missing value or None makes a gap.
     noise : float, N, or None
         Standard deviation of the residual's noise.
     """

@@ -1,10 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A running bundle as the page knows it: newest values, the last seconds, and orders to it.
+A running bundle for the page: newest values, the last seconds, and orders to the bundle.
 
-ROS stays out of this process: ``fam_bundle_ros.nodes.live_feed`` listens in one of its own and
-talks in lines of JSON, and a simulated bundle is a process too. Both end with this one.
+This process does not use ROS: ``fam_bundle_ros.nodes.live_feed`` listens in a process of its own
+and sends lines of JSON; a simulated bundle is a process too. Both end with this process.
 """
 
 import asyncio
@@ -20,11 +20,11 @@ from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench import live
 from fam_bundle_ros.workbench.measure_run import MeasureRun, Order
 
-#: s of samples that are kept, and over which the tracking error is taken.
+#: Time span of the samples that are kept, and window of the tracking error, s.
 KEPT, MINUTE = 20.0, 60.0
-#: s to wait for an answer to an order, and for a process to end.
+#: Time-outs of the answer to an order, and of the end of a process, s.
 _PATIENCE, _FAREWELL = 8.0, 5.0
-#: Bytes of a line: a diagnosis has many.
+#: Largest size of a line, bytes; a diagnosis is long.
 _LONGEST = 1 << 24
 #: The simulated bundle.
 _BRINGUP = f"""{ENDS_WITH_STDIN}
@@ -72,7 +72,7 @@ class Record:
         elif kind == 'state':
             self.state = record
             if record.get('file') != self._model:
-                # the tracking error begins anew with another model
+                # the tracking error restarts with another model
                 self._model = str(record.get('file'))
                 self._tracking.clear()
         elif kind == 'graph':
@@ -104,10 +104,10 @@ class LiveRig:
     record : Record
     namespace : str
     failure : str
-        Why nothing can be heard; empty where nothing is wrong.
+        Why no messages are received; empty without a failure.
     measurement : MeasureRun
     measure_failure : str
-        Why a measurement did not begin, or what is not as before after it; else empty.
+        Why a measurement did not begin, or why the bundle is not enabled after it; else empty.
     """
 
     def __init__(self) -> None:
@@ -128,7 +128,7 @@ class LiveRig:
 
     @property
     def simulating(self) -> bool:
-        """Whether a bundle that was started here runs."""
+        """Whether a bundle that was started by this page runs."""
         return self._simulation is not None and self._simulation.returncode is None
 
     @property
@@ -143,7 +143,7 @@ class LiveRig:
         Raises
         ------
         InputError
-            For a name that is none.
+            For a name that is not a ROS namespace.
         """
         live.check_namespace(namespace)
         if self.listening and namespace == self.namespace:
@@ -170,22 +170,22 @@ class LiveRig:
             start_new_session=True)
 
     async def stop_simulation(self) -> None:
-        """End the simulated bundle that was started here."""
+        """End the simulated bundle that was started by this page."""
         await live.end(self._simulation, _FAREWELL)
 
     async def order(self, **order: Any) -> str:
         """
-        Give an order, as `live_feed` takes it; return what was answered.
+        Send an order, in the format of `live_feed`; return the answer.
 
         Raises
         ------
         InputError
-            With the reason, where it was refused or nobody answered.
+            With the reason, if the order was refused or not answered.
         """
         name = str(order.get('call') or order.get('set'))
         feed = self._feed
         if feed is None or feed.stdin is None or not self.listening:
-            raise InputError('nothing listens to the bundle: open the page anew')
+            raise InputError('the bundle is not connected: reload the page')
         if name in self._waiting:
             raise InputError(f'{name} was ordered already and has not answered yet')
         answer = asyncio.get_running_loop().create_future()
@@ -204,20 +204,20 @@ class LiveRig:
 
     def measure(self, order: Order) -> None:
         """
-        Begin to measure; all tabs find its state in `measurement`.
+        Begin to measure; all tabs show the state in `measurement`.
 
         Raises
         ------
         InputError
-            Where a measurement is under way already.
+            When a measurement is running already.
         """
         if self._measuring is not None and not self._measuring.done():
-            raise InputError('a measurement is under way already: stop it first')
+            raise InputError('a measurement is running already: stop it first')
         self.measure_failure = ''
         self._measuring = asyncio.create_task(self._measure(order))
 
     async def close(self) -> None:
-        """End all processes; the measurement first, which vents."""
+        """End all processes; the measurement first, so that it can vent."""
         await self.measurement.stop()
         if self._measuring is not None:
             self._measuring.cancel()

@@ -3,7 +3,7 @@
 """
 The page "Live": a running bundle, the prediction of its model, and the error.
 
-Asks what is missing while the bundle runs, brings the better model into use, and takes it back.
+Diagnoses while the bundle runs, applies the recommended model, and restores the previous one.
 """
 
 from collections.abc import Awaitable, Callable
@@ -21,9 +21,9 @@ from fam_bundle_ros.workbench.rig_feed import LiveRig
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
-#: s between two looks at the bundle, and between two figures.
+#: Periods of updating the values and the figure, s.
 _PERIOD, _DRAW = 0.5, 0.9
-#: What the simulated bundle gets at a click, as `hidden_effect` takes it, and its name.
+#: Hidden effect that a click adds to the simulated bundle (`hidden_effect`), and its name.
 HIDDEN = ('coulomb_friction: {force: 4 N}', 'Coulomb friction of 4 N')
 _rig = LiveRig()
 app.on_shutdown(_rig.close)
@@ -85,16 +85,16 @@ class RigView:
                                           'live:simulate')
                 self.stop = parts.button('Stop it', lambda: self._try(self.rig.stop_simulation),
                                          'plain', 'live:stop')
-                self.hide = parts.button(f'Hide {HIDDEN[1]} in it', lambda: self._hide(HIDDEN[0]),
+                self.hide = parts.button(f'Add hidden {HIDDEN[1]}', lambda: self._hide(HIDDEN[0]),
                                          'plain', 'live:hide')
-                self.show = parts.button('Take it out', lambda: self._hide(''), 'plain',
+                self.show = parts.button('Remove it', lambda: self._hide(''), 'plain',
                                          'live:show')
 
     # --- what a user does ----------------------------------------------------------------------
 
     async def _listen(self, namespace: str | None = None) -> None:
         if not live.available():
-            self.told.set_text('This Python has no ROS (rclpy): start the workbench where it has.')
+            self.told.set_text('This Python has no ROS (rclpy): start the workbench with ROS.')
             return
         await self._try(lambda: self.rig.listen(
             self.rig.namespace if namespace is None else namespace.strip()))
@@ -107,7 +107,7 @@ class RigView:
         await self._order(set='hidden_effect', of='plant_simulator', value=effect)
 
     async def _order(self, **order: Any) -> None:
-        if self._due:  # the second of two clicks would be answered by a refusal
+        if self._due:  # ignore the second of two clicks, which would be refused
             return
         self._due = True
         self._look()
@@ -117,7 +117,7 @@ class RigView:
             self._due = False
 
     async def _try(self, work: Callable[[], Awaitable[Any]]) -> None:
-        """Do something that may be refused; show the answer, and until it comes none."""
+        """Call a function that may be refused; clear the old answer and show the new one."""
         self.told.set_text('')
         try:
             answer = await work()
@@ -130,7 +130,7 @@ class RigView:
     # --- what it shows -------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Show what is new."""
+        """Update the display."""
         record = self.rig.record
         heard = bool(record.samples)
         self._words(heard)
@@ -166,18 +166,18 @@ class RigView:
     def _words(self, heard: bool) -> None:
         record = self.rig.record
         if self.rig.failure:
-            self.head.set_text('Nothing can be heard')
+            self.head.set_text('No messages are received')
             self.detail.set_text(self.rig.failure)
         elif not heard:
             starts = self.rig.simulating
             self.head.set_text('The bundle is starting ...' if starts
-                               else f'No bundle speaks under {self.rig.namespace}')
+                               else f'No bundle is running under {self.rig.namespace}')
             self.detail.set_text(
                 '' if starts else 'Start one below, or in a terminal: ros2 run fam_bundle_ros '
                 'bundle_bringup; for a rig: ros2 launch fam_bundle_ros controller.launch.py')
         elif not record.state:
             self.head.set_text('The bundle runs without model_monitor')
-            self.detail.set_text('Nothing says whether its model holds: start model_monitor.')
+            self.detail.set_text('To test whether its model holds, start model_monitor.')
         else:
             waiting = not record.state['looks']
             holds = record.state['holds']
@@ -211,11 +211,11 @@ class RigView:
                 diagnosis['verdict']), mark='live:found')
             parts.text('p', parts.sentence(diagnosis['summary']), 'small')
             error = diagnosis['error_N']
-            parts.text('p', f"On the memory {newton(error['model'])} with the model as it was, "
-                       f"{newton(error['best'])} at best.", 'small num')
+            parts.text('p', f"Error on the memory: {newton(error['model'])} before, "
+                       f"{newton(error['best'])} with the recommended model.", 'small num')
             if candidate:
                 said = candidate['refusal'] or (
-                    f"Apply brings {newton(candidate['present_N'])} down to "
+                    f"Apply reduces the error from {newton(candidate['present_N'])} to "
                     f"{newton(candidate['error_N'])}.")
                 parts.text('p', said, 'small', 'live:candidate')
             parts.text('p', f"Next: {diagnosis['next_experiment']}", 'muted small')

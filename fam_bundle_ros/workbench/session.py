@@ -3,7 +3,7 @@
 """
 One user's session: a case, the models so far, the last diagnosis, the selection.
 
-Plain Python without a browser; the page only shows what is here and calls these methods.
+Plain Python without a browser; the page only displays this state and calls these methods.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,13 +29,13 @@ class Step:
     Attributes
     ----------
     label : str
-        What was done: ``start``, ``recalibrated``, ``+ coulomb_friction``.
+        Change of the step: ``start``, ``recalibrated``, ``+ coulomb_friction``.
     comparison : Comparison
         Of the model after this step, over every sample.
     held_out_N : float
-        Error on blocks of data that the fit had not seen, N rms; nan where there are none.
+        Error on held-out blocks of data, N rms; nan without such blocks.
     since : Since
-        What was changed since the first model.
+        Changes since the first model.
     effect : str
         Name of the effect that this step added, '' for none.
     """
@@ -54,7 +54,7 @@ class Step:
 
     @property
     def error_N(self) -> float:
-        """Error over every sample, N rms: that of `compare`."""
+        """Error over all samples, N rms, as in `compare`."""
         return self.comparison.error_N
 
 
@@ -76,11 +76,11 @@ class Choice:
     Attributes
     ----------
     found : bool
-        The diagnosis chose it; the others were tried and not needed.
+        Whether the diagnosis selected it; the others were tried and not needed.
     rivals : tuple of str
-        Effects that these data cannot tell from it.
+        Effects that these data cannot distinguish from it.
     added : bool
-        It is in the present model.
+        Whether it is in the present model.
     """
 
     candidate: Candidate
@@ -90,7 +90,7 @@ class Choice:
 
     @property
     def effect(self) -> str:
-        """Name of the effect (of its shape, which is what is added)."""
+        """Name of the effect to add: that of the candidate's shape."""
         return self.candidate.shape
 
 
@@ -102,12 +102,12 @@ class Session:
     Attributes
     ----------
     case : Case or None
-        None before anything was opened.
+        None before a case is opened.
     steps : list of Step
-        The first is the model as it came.
+        The first is the original model.
     diagnosis : Diagnosis or None
     diagnosed_at : int
-        How many steps there were when the diagnosis was made.
+        Number of steps when the diagnosis was made.
     incoming : Incoming or None
         A file that is being read, before it is a case.
     """
@@ -122,20 +122,20 @@ class Session:
     # --- opening -------------------------------------------------------------------------------
 
     def open(self, case: Case) -> None:
-        """Begin with a case; InputError where its data and model do not fit together."""
+        """Open a case; InputError if its data and model do not match."""
         first = compare(case.model, case.data)
         self.case = case
         self.steps = [Step('start', case.model, first, first.error_N)]
         self.diagnosis, self.selection, self.incoming = None, Selection(), None
 
     def take(self, incoming: Incoming) -> None:
-        """Open a file as its columns and its muscle are told; InputError says what is missing."""
+        """Open a file with its present columns and muscle; InputError says what is missing."""
         data, model = incoming.measurement(), incoming.muscle.bundle()
         self.open(Case(data.name, incoming.origin, data, model,
                        (incoming.file or data.name, f'{model.name}.model.yaml'), incoming))
 
     def close(self) -> None:
-        """Forget the case."""
+        """Close the case."""
         self.case, self.steps, self.diagnosis, self.incoming = None, [], None, None
         self.selection = Selection()
 
@@ -143,19 +143,19 @@ class Session:
 
     @property
     def now(self) -> Step:
-        """The step that is looked at: the last one."""
+        """The present step, which is the last one."""
         if not self.steps:
             raise InputError('nothing is open; choose an example or drop a file first')
         return self.steps[-1]
 
     @property
     def before(self) -> Step | None:
-        """The step before, None at the first."""
+        """The previous step, None at the first."""
         return self.steps[-2] if len(self.steps) > 1 else None
 
     @property
     def data(self) -> Measurement:
-        """The measurement; InputError where nothing is open."""
+        """The measurement; InputError if no case is open."""
         if self.case is None:
             raise InputError('nothing is open; choose an example or drop a file first')
         return self.case.data
@@ -166,7 +166,7 @@ class Session:
 
     @property
     def noise(self) -> float:
-        """Noise floor, N: the lowest that any comparison of this case has found."""
+        """Noise floor, N: the lowest of all comparisons of this case."""
         return min(step.comparison.noise.value for step in self.steps)
 
     @property
@@ -182,7 +182,7 @@ class Session:
         """Return the state of the model in one sentence."""
         error, noise = self.now.error_N, self.noise
         if error <= 1.1 * noise + 1e-9:
-            return 'The model is as good as these data: what is left is noise.'
+            return 'The model is as good as these data: the residual is noise.'
         if error < 1.5 * noise:
             return 'The model is close to the noise of these data.'
         return f'The error of the model is {short(error / noise)} times the noise of these data.'
@@ -211,7 +211,7 @@ class Session:
 
     @property
     def region(self) -> Region | None:
-        """The region that is zoomed to."""
+        """The zoomed region."""
         chosen = self.selection.region
         return None if chosen is None or chosen >= len(self.regions) else self.regions[chosen]
 
@@ -219,14 +219,14 @@ class Session:
         """Change the selection: ``level``, ``direction``, ``trial``, ``region``; None for all."""
         self.selection = replace(self.selection, **choice)
 
-    # --- learning ------------------------------------------------------------------------------
+    # --- diagnosis -----------------------------------------------------------------------------
 
     def learn(self, diagnosis: Diagnosis) -> None:
-        """Keep what a diagnosis of the present model found."""
+        """Keep a diagnosis of the present model."""
         self.diagnosis, self.diagnosed_at = diagnosis, len(self.steps)
 
     def choices(self) -> list[Choice]:
-        """Return the candidates of the last diagnosis, those that it chose first."""
+        """Return the candidates of the last diagnosis, the selected ones first."""
         if self.diagnosis is None:
             return []
         ties = {name: tuple(other for other in group if other != name)
@@ -235,17 +235,17 @@ class Session:
         chosen = set(self.diagnosis.effects)
         rows = [Choice(c, c.effect in chosen, ties.get(c.effect, ()), c.shape in inside)
                 for c in self.diagnosis.ranking if not (c.replaces or c.removes)]
-        # those found in the order found, then what ties with them, then the rest
+        # the selected ones in order, then their ties, then the rest
         return sorted(rows, key=lambda row: 0 if row.found else 1 if row.rivals else 2)
 
     def missing(self) -> list[Choice]:
-        """Return what the last diagnosis found and the present model does not have yet."""
+        """Return the effects that the last diagnosis found and the present model lacks."""
         held = {row.candidate.effect for row in self.choices() if row.added}
         return [row for row in self.choices()
                 if row.found and not row.added and not held & set(row.rivals)]
 
     def asked(self) -> list[Change]:
-        """Return what the last diagnosis says and the present model does not do yet."""
+        """Return the changes of the last diagnosis that the present model does not have yet."""
         found, inside = self.diagnosis, {effect.name for effect in self.now.model.effects}
         if found is None:
             return []
@@ -255,7 +255,7 @@ class Session:
                 *(Change(row.effect) for row in self.missing())]
 
     def command(self) -> str:
-        """Return the command that does the same; '' where an effect is the user's own."""
+        """Return the equivalent command; '' if an effect is the user's own."""
         return '' if self.case is None else changes.command(self.case, self.now.since,
                                                                   self.asked())
 
@@ -267,7 +267,7 @@ class Session:
 
     @property
     def asks_recalibration(self) -> bool:
-        """Whether the last diagnosis wants the parameters moved and nothing else."""
+        """Whether the last diagnosis recommends only a refit of the parameters."""
         return (self.diagnosis is not None and self.diagnosis.verdict == 'recalibrate'
                 and len(self.steps) == self.diagnosed_at)
 
@@ -275,12 +275,12 @@ class Session:
 
     def candidate_effect(self, name: str) -> Effect:
         """
-        Return an effect of the last diagnosis by name, at its fitted value where it has one.
+        Return an effect of the last diagnosis by name, at its fitted values if it has any.
 
         Raises
         ------
         InputError
-            Where the diagnosis has no such candidate.
+            When the diagnosis has no such candidate.
         """
         from fam_bundle_ros.model import catalogue
         for row in self.choices():

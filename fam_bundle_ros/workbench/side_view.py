@@ -36,10 +36,10 @@ class SideView:
         self.muscle_open = False
 
     def draw(self) -> None:
-        """Draw the panel anew."""
+        """Redraw the panel."""
         self.place.clear()
         with self.place:
-            # what was found comes first once it is known
+            # the diagnosis comes first once it is known
             if self.session.diagnosis is not None:
                 self._learned()
             self._where()
@@ -55,7 +55,8 @@ class SideView:
             for slip in session.now.comparison.slips:
                 parts.text('p', parts.sentence(f'check first: {slip}'), 'tie')
             if not session.regions:
-                parts.text('p', 'Nowhere: no region stands out of the noise.', 'muted small')
+                parts.text('p', 'Nowhere: in no region is the error above the noise.',
+                           'muted small')
             for k, region in enumerate(session.regions):
                 chosen = session.selection.region == k
                 made = parts.box('button', 'region', f'region:{k}').props(
@@ -100,7 +101,7 @@ class SideView:
             others = [choice for choice in choices if not choice.found and not choice.rivals]
             if others:
                 with parts.box('details'):
-                    parts.text('summary', f'{len(others)} others were tried')
+                    parts.text('summary', f'{len(others)} other effects were tried')
                     for choice in others[:8]:
                         self._choice(choice)
             with parts.box('div', 'row').style('margin-top: .5rem'):
@@ -137,11 +138,11 @@ class SideView:
                     self._fact(parts.words(e.key.partition('.')[2]), f'{e.value:.3g} {e.unit}')
             parts.text('p', parts.sentence(c.reason), 'small')
             if choice.rivals:
-                parts.text('p', '= A tie: these data cannot tell it from '
+                parts.text('p', '= A tie: these data cannot distinguish it from '
                            + ', '.join(parts.words(name) for name in choice.rivals) + '.', 'tie')
 
     def _swap(self, candidate: Candidate) -> None:
-        """Draw an effect that replaces another, or one to leave out."""
+        """Draw an effect that replaces another, or one to remove."""
         change = Change(candidate.shape, candidate.replaces, candidate.removes)
         inside = {effect.name for effect in self.session.now.model.effects}
         done = change.effect not in inside if change.removes else change.effect in inside
@@ -179,10 +180,10 @@ class SideView:
                         parts.button('Use this shape', lambda template=template: self._own(
                             from_template(template)), mark=f'shape:{template.kind}')
 
-    # --- one's own effect ----------------------------------------------------------------------
+    # --- own effect ----------------------------------------------------------------------------
 
     def write_own(self) -> None:
-        """Open the form for an effect of one's own, filled with the best shape where there is."""
+        """Open the form for an own effect, filled with the best shape if there is one."""
         found = self.session.diagnosis
         shapes = [] if found is None or found.verdict not in ('unexplained', 'partial') else [
             t for t in found.shapes_left if t.expression is not None]
@@ -197,12 +198,12 @@ class SideView:
     # --- the muscle ----------------------------------------------------------------------------
 
     def _muscle(self) -> None:
-        """Draw the form of the muscle, with what its dimensions would do to the error."""
+        """Draw the form of the muscle, with the error that its dimensions would give."""
         session = self.session
         case = session.case
         assert case is not None
         source = case.source
-        # without another case it keeps what was typed
+        # the input is kept until another case is opened
         if self.form is None or self.form_of is not case:
             self.form_of = case
             self.form = source.muscle if source is not None else MuscleForm.of(case.model)
@@ -232,9 +233,9 @@ class SideView:
         except InputError as error_said:
             self.would.set_text(str(error_said))
             return
-        self.would.set_text(f'With these dimensions the error would be {short(error)} N, at the '
-                            f'start it is {short(self.session.steps[0].error_N)} N. To use them '
-                            'begins the ladder anew.')
+        self.would.set_text(f'With these dimensions the error would be {short(error)} N; at the '
+                            f'start it is {short(self.session.steps[0].error_N)} N. Using them '
+                            'restarts the ladder.')
 
     async def _use_muscle(self) -> None:
         case, form = self.session.case, self.form
@@ -249,11 +250,11 @@ class SideView:
 
         await self.case.page.guarded(use)
 
-    # --- taking home ---------------------------------------------------------------------------
+    # --- downloads -----------------------------------------------------------------------------
 
     def _take_away(self) -> None:
         with parts.box('section'):
-            parts.text('h2', 'Take away')
+            parts.text('h2', 'Downloads')
             with parts.box('div', 'row'):
                 parts.button('Model file', self.download_model, mark='download-model')
                 parts.button('Report', self._download_report, mark='download-report')
@@ -265,7 +266,7 @@ class SideView:
                     parts.button('Write your own effect', self.write_own, mark='write-own')
 
     def download_model(self) -> None:
-        """Give the present model as a file."""
+        """Offer the present model as a download."""
         self._give(takeaway.model_text(self.session), '.model.yaml', 'application/yaml')
 
     def _download_csv(self) -> None:

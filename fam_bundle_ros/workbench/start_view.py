@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The first view: one example to begin with, a place to drop files, more examples."""
+"""The first view: an example to begin with, an area to drop files, more examples."""
 
 from typing import TYPE_CHECKING
 
@@ -21,9 +21,9 @@ class StartView:
         self.page = page
         with parts.box('div', 'start'):
             parts.text('h1', 'Which effect is your model missing?')
-            parts.text('p', 'Lay a measurement beside a model of a fluidic muscle. The workbench '
-                       'shows where the model fails, names the effect that is missing, adds it, '
-                       'and shows how the error falls.', 'lead')
+            parts.text('p', 'Compare a measurement with a model of a fluidic muscle. The '
+                       'workbench shows where the model fails, names the effect that is missing, '
+                       'adds it, and shows how the error falls.', 'lead')
             with parts.box('div', 'start-grid'):
                 self._first()
                 self._drop()
@@ -64,7 +64,7 @@ class StartView:
             parts.text('h2', 'Use your own')
             parts.text('p', 'A log of strain (or length), pressure and force as your software '
                        'wrote it: CSV or text, Excel, LabVIEW, MATLAB, parquet, a ROS 2 bag. You '
-                       'see what each column is taken for before anything is computed.', 'small')
+                       'can check the meaning of each column before the computation.', 'small')
             upload = ui.upload(label='Drop a measurement or a model file, or press +',
                                multiple=True, auto_upload=True, max_file_size=intake.MAX_UPLOAD,
                                on_upload=self._uploaded, on_rejected=self._rejected)
@@ -80,7 +80,7 @@ class StartView:
                 self._live()
 
     def _live(self) -> None:
-        said = f'Take {live.SECONDS:g} s of the live ROS graph'
+        said = f'Record {live.SECONDS:g} s of the live ROS graph'
 
         async def listen() -> None:
             button.set_text(f'Listening for {live.SECONDS:g} s …')
@@ -104,5 +104,5 @@ class StartView:
         await self.page.take_file(event.file.name, await event.file.read())
 
     def _rejected(self) -> None:
-        self.page.tell(f'this file is not taken: expected one of '
+        self.page.tell(f'this file is not accepted: expected one of '
                        f'{", ".join(intake.TAKEN)} of at most {intake.MAX_UPLOAD >> 20} MB')

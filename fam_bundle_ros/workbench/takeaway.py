@@ -46,10 +46,10 @@ def report_text(session: Session) -> str:
     steps = [{'step': step.label, 'error_N': step.error_N, 'held_out_N': step.held_out_N}
              for step in session.steps]
     headline = [
-        Headline('Error at the start', f'{short(first.error_N)} N', 'rms, the model as it came'),
+        Headline('Error at the start', f'{short(first.error_N)} N', 'rms, original model'),
         Headline('Error now', f'{short(now.error_N)} N',
-                 ', '.join(s.label for s in session.steps[1:]) or 'nothing was added'),
-        Headline('On data held out', f'{short(now.held_out_N)} N', 'blocks the fit did not see'),
+                 ', '.join(s.label for s in session.steps[1:]) or 'no effect was added'),
+        Headline('On held-out data', f'{short(now.held_out_N)} N', 'blocks not used in the fit'),
         Headline('Noise floor', f'{short(session.noise)} N', comparison.noise.basis)]
     sections = []
     if len(steps) > 1:
@@ -62,6 +62,6 @@ def report_text(session: Session) -> str:
     rows = [('case', case.title), ('origin of the data', case.origin)] if case else []
     if session.data.sha256:
         rows.append(('data, sha256', session.data.sha256))
-    rows.append(('samples that errors are taken over', f'all {len(session.data)}'))
+    rows.append(('samples in the errors', f'all {len(session.data)}'))
     return render(Page(f'{case.title if case else now.model.name}: a better model',
                        session.headline(), headline, sections, provenance((), rows)))

@@ -7,7 +7,7 @@ import numpy as np
 
 def thin(values: np.ndarray, most: int) -> np.ndarray:
     """
-    Return indices of at most ``most`` points of a series, the extremes of each stretch among them.
+    Return indices of at most ``most`` points of a series, with the extremes of each interval.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def thin(values: np.ndarray, most: int) -> np.ndarray:
     stretches = max((most - 2) // 2, 1)
     edges = np.linspace(0, count, stretches + 1).astype(int)
     starts = edges[:-1]
-    # the extremes of each stretch, found on a rectangle padded with each stretch's first value
+    # the extremes of each stretch, on a rectangle padded with the stretch's last index
     width = int(np.diff(edges).max())
     at = np.minimum(starts[:, None] + np.arange(width), edges[1:, None] - 1)
     block = values[at]
@@ -51,7 +51,7 @@ def thin_groups(group: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
     Parameters
     ----------
     group : ndarray of int, shape (T,)
-        Such as the number of the isobar.
+        Number of the group, such as an isobar, of each point.
     values : ndarray, shape (T,)
 
     Returns

@@ -3,8 +3,8 @@
 """
 "Try it on the controller": one task on one simulated muscle, with the old and the new model.
 
-The simulated muscle is the new model, the best description of the real one here; the controller
-has the old model in one run and the new one in the other.
+The simulated muscle is the new model, the best available description of the real one; the
+controller has the old model in one run and the new one in the other.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from fam_bundle_ros.simulation import ClosedLoop, Log, Trajectory
 
 @dataclass(frozen=True)
 class ControllerTrial:
-    """The task in words, and the runs with either model."""
+    """Description of the task, and the runs with the old and the new model."""
 
     words: str
     old: Log
@@ -63,7 +63,7 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
             progress(0.5 * (k + (t + 1.0) / (seconds + 1.0)), f'the controller has {name}')
 
         told(-1.0)
-        # to compile a model that is new takes longer than a few seconds of simulation
+        # compiling a new model would take longer than this simulation
         runs.append(ClosedLoop(new, model, seed=1, compiled=False).run(task, told))
     words = (f'The task: hold {level:.0f} N while the strain swings between {100 * low:.0f} and '
              f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model, '
@@ -72,7 +72,7 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
 
 
 def figure(trial: ControllerTrial, effect: str = ''):
-    """Draw both tracks and what was asked; the new one in the colour of the effect added."""
+    """Draw both runs and the reference; the new run in the colour of the added effect."""
     drawing = plotting.figure('time (s)', 'force (N)', height=340)
     keep = slice(None, None, max(1, len(trial.old.time) // 1200))
     for log, name, colour, width in (
@@ -82,6 +82,6 @@ def figure(trial: ControllerTrial, effect: str = ''):
             log.time[keep], log.force[keep], f'{name} model, {error_N(log):.2f} N rms',
             colour, width=width, hovertemplate='%{y:.1f} N at %{x:.2f} s'))
     drawing.add_trace(plotting.line(
-        trial.old.time[keep], trial.old.reference[keep], 'asked', palette.NEUTRAL['ink'], 'dot',
-        1.4, hoverinfo='skip'))
+        trial.old.time[keep], trial.old.reference[keep], 'reference', palette.NEUTRAL['ink'],
+        'dot', 1.4, hoverinfo='skip'))
     return drawing

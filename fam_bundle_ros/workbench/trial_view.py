@@ -18,7 +18,7 @@ _SECONDS = 5.0
 
 
 class TrialDialog:
-    """Progress, then both tracks."""
+    """Progress, then both runs."""
 
     def __init__(self, case: 'CaseView'):
         self.case = case

@@ -1,11 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The worker process: one long job, its progress on the way, its result at the end.
+The worker process: runs one long job, reports its progress and its result.
 
 Started by `jobs` as ``python -m fam_bundle_ros.workbench.worker``; takes a pickled job on standard
-input and writes pickled messages, each after its length, on standard output. Both ends are this
-package's own: nothing that a browser sent is unpickled.
+input and writes pickled messages, each preceded by its length, to standard output. Both ends
+belong to this package: data from a browser is never unpickled.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from typing import Any
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.processes import own_stdout
 
-#: How the length of a message is written before it.
+#: Format of the length that precedes a message.
 LENGTH = struct.Struct('>Q')
 
 Progress = Callable[[float, str], None]
@@ -31,13 +31,13 @@ def diagnose_job(progress: Progress, model: Any, data: Any, choices: Any = None)
 
 def refit_job(progress: Progress, model: Any, data: Any, since: Any) -> Any:
     """
-    Return a model with effects changed, all parameters moved together, and its held-out error, N.
+    Return a model with changed effects and all parameters refitted, and its held-out error, N.
 
-    Every row is fitted; with no effects the model's own parameters are recalibrated.
+    All rows are fitted; without effects the model's own parameters are recalibrated.
     """
     from fam_bundle_ros.discovery.add import add_effect
     names = ', '.join((*(effect.name for effect in since.added), *since.replaced.values()))
-    progress(0.3, f'refitting with {names}' if names else 'moving the numbers of the model')
+    progress(0.3, f'refitting with {names}' if names else 'refitting the parameters of the model')
     added = add_effect(model, list(since.added), data, replacing=since.replaced,
                        removing=since.removed)
     return added.model, added.held_out_N
@@ -50,7 +50,7 @@ def trial_job(progress: Progress, old: Any, new: Any, seconds: float) -> Any:
 
 
 def main() -> None:
-    """Do the one job that standard input names."""
+    """Run the job given on standard input."""
     out = own_stdout('wb')
 
     def send(kind: str, content: Any) -> None:
@@ -63,7 +63,7 @@ def main() -> None:
         send('result', job(lambda share, words: send('progress', (share, words)), *arguments))
     except InputError as error:
         send('input_error', str(error))
-    except Exception as error:  # the page must say something, whatever went wrong
+    except Exception as error:  # the page must show every failure
         send('failed', f'{type(error).__name__}: {error}')
 
 

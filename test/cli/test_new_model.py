@@ -86,7 +86,7 @@ def test_a_file_that_is_there_is_kept(fam_bundle, tmp_path):
     """Only --force writes over it."""
     (tmp_path / 'mine.yaml').write_text('kept')
     refused = fam_bundle('new-model', 'mine.yaml', *OPTIONS)
-    assert (refused.returncode, 'mine.yaml: is there already' in refused.stderr) == (2, True)
+    assert (refused.returncode, 'mine.yaml: exists already' in refused.stderr) == (2, True)
     assert (tmp_path / 'mine.yaml').read_text() == 'kept'
     assert fam_bundle('new-model', 'mine.yaml', *OPTIONS, '--force').returncode == 0
 

@@ -23,7 +23,7 @@ from fam_bundle_ros.control.adaptation import (
     lag_of,
     lagged,
     learn_lead,
-    take_noise,
+    noise_bias,
     USUAL_LAG,
 )
 from fam_bundle_ros.control.learnt import adapted_bundle, learnt_words, wrong_model
@@ -272,7 +272,7 @@ def test_what_noise_takes_from_the_products_is_what_a_filter_makes_of_it(paper_b
     noise = np.array([0.5, 0.2])
     state.change[:] = (noise * np.sqrt(6.0 * 2.0 / np.pi)).tolist()
     state.slow[:] = [30.0, -5.0]
-    take_noise(state, share, 0.0)
+    noise_bias(state, share, 0.0)
     force = draw.normal(size=(200_000, 2)) * noise
     slow = lfilter([share], [1.0, share - 1.0], force, axis=0)
     slope = -(1.0 - share) / 0.02 * (force - np.vstack([[0.0, 0.0], slow[:-1]]))

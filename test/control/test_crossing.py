@@ -24,7 +24,7 @@ from fam_bundle_ros.control.inverse import Shares
 from fam_bundle_ros.control.observer import learn_noise
 from fam_bundle_ros.control.reasons import AHEAD
 from fam_bundle_ros.control.recruitment_loop import recruitment_state
-from fam_bundle_ros.control.spread import BATCH, ORDERLY, ratio_of
+from fam_bundle_ros.control.spread import BATCH, compensation_ratio, ORDERLY
 from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.control.transition import patience, send_unit
 from fam_bundle_ros.plant import Dynamometer
@@ -204,13 +204,13 @@ def test_the_ratio_is_that_of_the_slopes(made, scheme, expected):
         table=table, crossings=crossings, units=[0, 1, 2], machine=SimpleNamespace(state=3),
         shares=Shares([100e3, 100e3, 20e3], [0.0] * 3))
     settings = SimpleNamespace(scheme=scheme)
-    assert ratio_of(settings, state, 2, 2) == pytest.approx(expected)
+    assert compensation_ratio(settings, state, 2, 2) == pytest.approx(expected)
     # Units that are full do not help; where none does, the last one is reckoned with.
     state.shares.pressure[0] = 300e3
-    assert ratio_of(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
+    assert compensation_ratio(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
     state.shares.pressure[1] = 300e3
-    assert ratio_of(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
-    assert math.isclose(ratio_of(settings, state, 2, 0), 8e-5 / 2e-3)
+    assert compensation_ratio(settings, state, 2, 2) == pytest.approx(8e-5 / 2e-3)
+    assert math.isclose(compensation_ratio(settings, state, 2, 0), 8e-5 / 2e-3)
 
 
 def test_a_hand_over_is_within_the_noise_that_is_left_behind_the_loop():

@@ -170,12 +170,12 @@ def test_plain_and_compiled_pressure_loops_agree(mode, helped):
 
 
 @pytest.mark.parametrize(('why', 'text'), [
-    (FROM_REST, 'recruit B: demand 20.0 N above 31.5 N; at rest there are 33.0 N'),
+    (FROM_REST, 'recruit B: demand 20.0 N above 31.5 N; vented it gives 33.0 N'),
     (BEYOND, "recruit B: demand 20.0 N above RS1's 33.0 N by more than -1.5 N"),
     (AHEAD, "recruit B: demand 20.0 N rising by 4.0 N/s towards RS1's 33.0 N; above 25.0 N its "
-            'push-back of 8.0 N could not be made up for'),
+            'push-back of 8.0 N could not be compensated'),
     (BELOW, 'release A: demand 20.0 N below 31.5 N'),
-    (UNREACHABLE, 'release A: demand 20.0 N below the 31.5 N that RS1 can'),
+    (UNREACHABLE, 'release A: demand 20.0 N below 31.5 N, the least force of RS1'),
     (AT_REST, 'release A: demand 20.0 N below 31.5 N and at rest for 0.8 s'),
     (ABSENT, 'release A: demand 20.0 N below 31.5 N for 0.8 s'),
     (TURNED_BACK, 'release A: demand 20.0 N below 31.5 N and turned back before it was needed'),

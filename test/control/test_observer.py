@@ -13,14 +13,12 @@ from scipy.stats import norm
 from fam_bundle_ros.control.observer import (
     average,
     begin_at,
-    behind_lag,
     beyond_noise,
-    compare,
-    follow,
     forget_observer,
     hand_over,
     learn_noise,
     low_pass,
+    noise_gain,
     noise_of,
     NoiseState,
     observe,
@@ -28,7 +26,9 @@ from fam_bundle_ros.control.observer import (
     quick_noise,
     quick_of,
     shift,
-    towards,
+    shrink,
+    update_bank,
+    update_odds,
 )
 
 DT, LAG, NOISE = 4e-3, 0.025, 0.9
@@ -124,9 +124,9 @@ def test_after_a_jump_the_steady_observer_leads_again_once_it_is_there():
 
 def test_a_value_goes_towards_another_beyond_the_noise():
     """Not at all within it, nearly all the way far beyond it, and without a jump between."""
-    assert towards(1.0, 1.3, 0.09) == 1.0 == towards(1.0, 1.0, 0.0)
-    assert towards(1.0, 1.3001, 0.09) == pytest.approx(1.0, abs=1e-3)
-    assert towards(1.0, -9.0, 0.09) == pytest.approx(-9.0, abs=0.01)
+    assert shrink(1.0, 1.3, 0.09) == 1.0 == shrink(1.0, 1.0, 0.0)
+    assert shrink(1.0, 1.3001, 0.09) == pytest.approx(1.0, abs=1e-3)
+    assert shrink(1.0, -9.0, 0.09) == pytest.approx(-9.0, abs=0.01)
 
 
 def test_a_model_that_says_less_of_the_same_shifts_the_error_without_a_bump():
@@ -190,7 +190,7 @@ def test_a_first_order_lag_leaves_its_share_of_white_noise():
     for _ in range(40_000):
         value += share * (draw.gauss(0.0, 1.0) - value)
         values.append(value)
-    assert behind_lag(share) == pytest.approx(np.std(values), rel=0.03)
+    assert noise_gain(share) == pytest.approx(np.std(values), rel=0.03)
     state, _ = observed(lambda t: 0.0, 10.0)
     assert quick_noise(state, LAG, DT) == pytest.approx(NOISE * np.std(values), rel=0.1)
 
@@ -206,14 +206,14 @@ def test_leads_are_log_likelihoods_that_fade_and_means_are_weighted_by_them():
     """One step of each, by the normal density; odds of 1 to 4000 against each of the four."""
     state = ObserverState(steady=1.0, bank=[1.2, 1.5, 2.0, 3.0], lead=[0.5, -2.0, 1.0, 0.0])
     before = np.array(state.lead)
-    compare(state, 1.8, 0.25, DT)
+    update_odds(state, 1.8, 0.25, DT)
     gained = norm.logpdf(1.8, state.bank, 0.5) - norm.logpdf(1.8, 1.0, 0.5)
     assert state.lead == pytest.approx(before * math.exp(-DT / 0.25) + gained)
     state.lead = [7.0, 9.0, 2.0, 8.5]
     odds = np.exp(np.array(state.lead)) / 4000.0
     assert average(state) == pytest.approx((1.0 + odds @ state.bank) / (1.0 + odds.sum()))
     for _ in range(1000):
-        compare(state, 2.0, 0.25, DT)
+        update_odds(state, 2.0, 0.25, DT)
     assert max(state.lead) == pytest.approx(2.0 * math.log(4000.0))
 
 
@@ -221,7 +221,7 @@ def test_the_bank_goes_from_patient_to_quick_in_equal_ratios():
     """After a step of the error for as long as the last one's time each has its own share."""
     state, time, steps = ObserverState(), 0.0625 * 0.5, 100
     for _ in range(steps):
-        follow(state, 1.0, time, time / steps)
+        update_bank(state, 1.0, time, time / steps)
     spans = 0.5 * 0.5 ** np.arange(1.0, 5.0)
     assert state.bank == pytest.approx(1.0 - np.exp(-time / spans))
 

@@ -21,7 +21,7 @@ from fam_bundle_ros.control.pressure_loop import (
     start,
     still_coming,
 )
-from fam_bundle_ros.control.valve_learning import command_of, ValveLearningState, worth
+from fam_bundle_ros.control.valve_learning import band_weight, command_of, ValveLearningState
 from fam_bundle_ros.model.pneumatics import pressure_rate, ValveFlow
 
 V, SUPPLY, DT = 15e-6, 500e3, 2e-3
@@ -257,12 +257,12 @@ def test_a_command_jumps_over_the_dead_band_as_it_was_learnt(learnt):
 
 def test_a_missing_rate_is_shared_by_variance():
     """Half the dead band's where the opening times 0.3 is as large as the dead band's doubt."""
-    shares = [worth(wide, 0.04) for wide in np.linspace(0.0, 1.0, 50)]
+    shares = [band_weight(wide, 0.04) for wide in np.linspace(0.0, 1.0, 50)]
     assert shares[0] == 1.0
     assert np.all(np.diff(shares) < 0.0)
-    even = next(wide for wide in np.linspace(0.0, 1.0, 2001) if worth(wide, 0.04) < 0.5)
-    assert worth(2.0 * even, 0.04) == pytest.approx(0.2, abs=0.01)
-    assert worth(2.0 * even, 0.08) == pytest.approx(0.5, abs=0.01)
+    even = next(wide for wide in np.linspace(0.0, 1.0, 2001) if band_weight(wide, 0.04) < 0.5)
+    assert band_weight(2.0 * even, 0.04) == pytest.approx(0.2, abs=0.01)
+    assert band_weight(2.0 * even, 0.08) == pytest.approx(0.5, abs=0.01)
 
 
 def test_a_valve_that_is_open_to_exhaust_for_good_teaches_nothing(chamber):

@@ -134,7 +134,7 @@ def test_silence_holds_then_vents(watch):
     assert watch.check(0.15) == Health.GOOD
     assert watch.check(0.25) == Health.HOLD
     assert watch.check(0.6) == Health.VENT
-    assert watch.reason == 'force: nothing for 0.51 s'
+    assert watch.reason == 'force: no reading for 0.51 s'
 
 
 def test_reading_is_good_again_only_after_a_while(watch):
@@ -176,7 +176,7 @@ def test_stuck_reading_stays_stuck_while_nothing_moves(watch):
 
 
 @pytest.mark.parametrize(('latency', 'text'), [
-    (0.3, 'force is 0.3 s old when it comes; at most 0.015 s is taken (max_latency)'),
+    (0.3, 'force is 0.3 s old on arrival; at most 0.015 s is allowed (max_latency)'),
     (-2.0, 'force is stamped 2 s in the future: the clocks of rig and controller disagree'),
     (-1.8e9, 'force is stamped 1.8e+09 s in the future: is use_sim_time on, and nobody publishes '
      '/clock?'),
@@ -419,7 +419,7 @@ def test_a_valve_that_hangs_open_at_the_top_is_found_at_once():
     loop.run(1.0, lambda t: (344e3, 0.0))
     before = loop.rig.truth.pressure[0]
     assert loop.run(1.0, lambda t: (344e3, 0.0), valves=lambda c: [1.0, c[1]])
-    assert 'before an answer acts' in loop.text
+    assert 'before the valve can react' in loop.text
     # The rig made a step before that reading and one more with its answer.
     assert loop.highest < before + TWO_PERIODS
 

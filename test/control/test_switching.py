@@ -122,7 +122,7 @@ def test_what_is_in_doubt_while_a_unit_crosses_releases_no_other(made, force, re
     table = made()
     why = Machine(table, 2).machine.update(DT, SimpleNamespace(table=table),
                                            Demand(force, doubt=120.0))
-    assert ('RS2 can' in why) == released
+    assert ('force of RS2' in why) == released
 
 
 def test_a_demand_that_turned_back_is_looked_at_with_care(made):
@@ -177,7 +177,7 @@ def test_a_unit_that_is_cheap_to_fill_again_is_released_at_once(made):
 
 def test_a_demand_below_all_that_a_state_can_releases_at_once(made):
     """RS2 pulls at least -8 N; lowering its last unit until it is empty comes first."""
-    assert 'below the -8.0 N that RS2 can' in Machine(made(), 2).tell(-109.0)[1]
+    assert 'below -8.0 N, the least force of RS2' in Machine(made(), 2).tell(-109.0)[1]
 
 
 def test_a_lowered_unit_that_is_alone_is_not_released_at_rest(made):
@@ -186,7 +186,7 @@ def test_a_lowered_unit_that_is_alone_is_not_released_at_rest(made):
     table = made()
     table.lowered[0] = 1
     assert Machine(table, 1).tell(-30.0, duration=5.0)[1] == ''
-    assert 'RS1 can' in Machine(table, 1).tell(-60.0)[1]
+    assert 'force of RS1' in Machine(table, 1).tell(-60.0)[1]
 
 
 def test_a_rising_demand_releases_nothing(made):

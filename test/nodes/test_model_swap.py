@@ -75,7 +75,7 @@ def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_p
         graph.advance(rig, 7.3)
         answer = graph.call(Trigger, service)
         assert answer.success, answer.message
-        assert f'{name} in use since now' in answer.message
+        assert f'{name} is in use now' in answer.message
         assert (node.bundle.name, applied[-1].data) == (name, node.p['model'])
         changed.append(graph.pacer.time)
     graph.advance(rig, 0.5)

@@ -388,7 +388,7 @@ def test_dead_force_is_seen_whatever_the_stamps(graph, stamps):
     dead.append('force')
     graph.until(lambda: node._guard.word == 'HOLD', 'HOLD')
     graph.until(lambda: node._guard.word == 'SENSOR' and not any(node.setpoints), 'vent')
-    assert 'force: nothing for' in node._oversight.watches[0].reason
+    assert 'force: no reading for' in node._oversight.watches[0].reason
 
 
 def test_reference_that_is_no_number_is_refused(graph, quiet):

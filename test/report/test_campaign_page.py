@@ -76,7 +76,8 @@ def test_the_errors_are_those_of_recordings_that_count(found):
     """Four of six, each with its model, recalibration, best and noise."""
     drawing = figures.errors(found)
     assert [(trace.name, len(trace.y)) for trace in drawing.data] == [
-        ('model as it is', 4), ('recalibrated', 4), ('with what was found', 4), ('noise floor', 4)]
+        ('present model', 4), ('recalibrated', 4), ('with the effects found', 4),
+        ('noise floor', 4)]
 
 
 def test_the_page_says_what_is_missing_and_what_was_left_out(found):
@@ -102,5 +103,5 @@ def test_a_campaign_in_which_all_failed_has_a_page():
                [catalogue.get('mesh')()]),
         [recording('a.csv', 'a', 'failed', error='empty', verdict='')], [], [], {}, [], [], [], 1)
     page = campaign_page(empty)
-    assert 'No recording could be worked on.' in render(page)
+    assert 'No recording could be evaluated.' in render(page)
     assert [card.value for card in page.headline] == ['1', '0']

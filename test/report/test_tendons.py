@@ -118,7 +118,7 @@ def test_one_motor_unit_is_compared_over_its_own_pressure():
 @pytest.mark.parametrize(('tendon', 'said'), [
     (127e-3, 'tendon is 127 mm and the packaging length 127 mm .* no muscle is left'),
     (300e-3, 'no muscle is left'), (-1e-3, 'tendon is -1 mm; expected zero or more'),
-    (120e-3, '7 mm of muscle that are left are too short for the radius of mu1, 6.35 mm'),
+    (120e-3, '7 mm of muscle are too short for the radius of mu1, 6.35 mm'),
     (float('nan'), 'expected zero or more')])
 def test_tendon_that_leaves_no_muscle_fails(bundle, tendon, said):
     """The error names both lengths and what is left."""
@@ -134,5 +134,5 @@ def test_captions_say_whose_the_question_and_whose_the_numbers_are(ends):
         assert 'Our own' in picture.caption
     assert '107 mm long' in space.caption
     assert f'{ends.free_strain["tendons"][-1]:.4f} with tendons' in reach.caption
-    assert f'{1e3 * ends.even_tendon:.3g} mm reaches as far' in reach.caption
+    assert f'{1e3 * ends.even_tendon:.3g} mm gives the same free strain' in reach.caption
     assert {trace.name for trace in reach.drawing.data} == {'fixed ends', 'tendons of 20 mm'}

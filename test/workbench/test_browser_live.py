@@ -20,7 +20,7 @@ def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pi
     def newton(key):
         return float(page.inner_text(f'[data-mark="live:{key}"]').split()[0])
 
-    sees('No bundle speaks under /bundle')
+    sees('No bundle is running under /bundle')
     tab.click('live:simulate')
     sees('The model holds')
     right = newton('error')
@@ -30,7 +30,7 @@ def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pi
     page.wait_for_timeout(5000)
     tab.click('live:diagnose')
     sees('Found: Coulomb friction')
-    sees('Apply brings')
+    sees('Apply reduces')
     page.wait_for_selector('text=the next experiment of the diagnosis', state='attached')
     wrong, tracked = newton('error'), newton('tracking')
     settled(page, pictures, '5_live')
@@ -49,7 +49,7 @@ def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pi
             break
         # the controller still compiles the new model
         page.wait_for_timeout(1000)
-    assert 'in use since now' in told.inner_text()
+    assert 'is in use now' in told.inner_text()
     sees('The model holds')
     for key, most in (('error', 0.6 * wrong), ('tracking', tracked)):
         page.wait_for_function(

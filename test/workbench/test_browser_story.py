@@ -70,7 +70,7 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
     page = tab.open()
     press(page, 'open-first')
     tab.drawn()
-    climbs(page, 'model as it came 6.6 N')
+    climbs(page, 'original model 6.6 N')
     shows(page, 'h1', '11 times the noise')
     settled(page, pictures, '1_see')
 
@@ -80,7 +80,7 @@ def test_the_story_from_hidden_friction_to_a_better_model(watched, pictures, tmp
     settled(page, pictures, '2_found')
 
     press(page, 'next-add')
-    climbs(page, 'model as it came 6.6 N', '+ Coulomb friction 0.88 N')
+    climbs(page, 'original model 6.6 N', '+ Coulomb friction 0.88 N')
     shows(page, 'h1', 'close to the noise of these data')
     settled(page, pictures, '3_added')
 
@@ -132,7 +132,7 @@ def test_a_log_of_ones_own_is_opened_from_a_workbook(watched, tmp_path):
     assert page.locator('.tick').count() == 5
     tab.click('intake:use')
     tab.drawn()
-    climbs(page, 'model as it came 6.6 N')
+    climbs(page, 'original model 6.6 N')
     shows(page, '.answer', 'my_muscle: mu1 of 1 muscle, radius 6.35 mm')
     page.wait_for_selector('[data-mark=diagnose]')
 
@@ -248,7 +248,7 @@ def test_a_formula_is_typed_key_by_key(watched):
         page.keyboard.type(typed, delay=15)
         if mark == 'own-formula':
             page.wait_for_selector('[data-mark="own:v:value"]')
-    page.wait_for_selector('text=less than the 6.6 N of now')
+    page.wait_for_selector('text=less than the present 6.6 N')
     assert page.input_value('[data-mark="own-formula"]') == '-k * tanh(strain_rate / v)'
     assert page.input_value('[data-mark="own:k:value"]') == '6 N'
     page.wait_for_selector('.sheet .trace')

@@ -70,7 +70,7 @@ async def test_a_simulated_bundle_is_measured_and_switched_on_again(page, go):
                                    str(config_path('models/spie2021.yaml'))]
     assert order.arguments[-1] == 'first_look'
     assert rig.orders == [{'call': 'enable'}]
-    await sees(user, 'Open it')
+    await sees(user, 'Open the recording')
 
 
 async def test_a_rig_is_moved_only_once_everybody_is_away(page, go):
@@ -89,7 +89,7 @@ async def test_a_rig_is_moved_only_once_everybody_is_away(page, go):
     await sees(user, 'Is everybody away from them')
     user.find(marker='live:measure-confirm').click()
     await sees(user, '40 %: segment 1: sweep at 138, 0 kPa; 12 s left')
-    with pytest.raises(InputError, match='under way already'):
+    with pytest.raises(InputError, match='running already'):
         rig.measure(rig.measurement.order)
     user.find(marker='live:measure-stop').click()
     await sees(user, 'No recording: it was stopped')

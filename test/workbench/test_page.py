@@ -86,7 +86,7 @@ async def test_cancel_leaves_everything_as_it_was(user):
 async def test_an_uploaded_measurement_asks_for_the_muscle(user):
     """A dropped CSV shows its columns and opens once the muscle is told: none is assumed."""
     await upload(user, 'mine.csv', DATA.read_bytes())
-    await sees(user, 'Is this how the file is meant?')
+    await sees(user, 'Are the columns of the file correct?')
     await user.should_see('Not yet: your muscle is not complete')
     await user.should_see('A muscle needs Radius')
     for key, value in MUSCLE.items():
@@ -97,7 +97,7 @@ async def test_an_uploaded_measurement_asks_for_the_muscle(user):
     await user.should_see('Model my_muscle: mu1 of 1 muscle, radius 6.35 mm, length 127 mm')
     await user.should_see('Where the model fails')
     user.find(marker='columns').click()
-    await sees(user, 'Is this how the file is meant?')
+    await sees(user, 'Are the columns of the file correct?')
     user.find(marker='map:force [N]:quantity').trigger('change', '')
     await sees(user, "column 'force' is missing")
     user.find(marker='intake:back').click()
@@ -224,7 +224,7 @@ async def test_an_effect_of_ones_own_is_tried_and_added(user):
     user.find(marker='own:k:value').trigger('input', '5 kg')
     await sees(user, 'must give N')
     user.find(marker='own:k:value').trigger('input', '6 N')
-    await sees(user, f'less than the {START}')
+    await sees(user, f'less than the present {START}')
     user.find(marker='own-add').click()
     await sees(user, '+ my effect')
     with user.scope('rung:1'):
@@ -235,7 +235,7 @@ async def test_the_page_opens_with_the_case_of_the_command_line():
     """`fam_bundle workbench DATA` shows the data at once."""
     async with user_simulation(root=root(load_example('nothing_missing'))) as made:
         await opened(made)
-        await sees(made, 'what is left is noise')
+        await sees(made, 'the residual is noise')
 
 
 async def test_downloads_arrive(user):

@@ -80,7 +80,7 @@ def able(user, mark):
 async def test_without_a_bundle_it_says_how_to_start_one(page):
     """No topic is there: what to type, and a button; nothing can be asked."""
     user, _ = page
-    await sees(user, 'No bundle speaks under /bundle')
+    await sees(user, 'No bundle is running under /bundle')
     await user.should_see('ros2 run fam_bundle_ros bundle_bringup')
     await user.should_see('Start a simulated bundle')
     assert not able(user, 'live:diagnose')
@@ -119,7 +119,7 @@ async def test_from_a_failure_to_a_candidate_and_its_refusal(page):
     assert not able(user, 'live:diagnose')
     rig.hear(FOUND, {**STATE, 'holds': False, 'candidate': CANDIDATE})
     await sees(user, 'Found: Coulomb friction')
-    await user.should_see('Apply brings 7.99 N down to 0.57 N.')
+    await user.should_see('Apply reduces the error from 7.99 N to 0.57 N.')
     assert able(user, 'live:apply')
     # the second of two clicks, while the answer is due, orders nothing
     for _ in range(2):
