@@ -159,7 +159,7 @@ def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
 def _beside(other: LikelySet, chosen: LikelySet) -> str:
     """Return the difference of a set to the chosen one, in words."""
     if other.chosen:
-        return 'the chosen set' if chosen.changes else 'nothing missing'
+        return 'the reported set' if chosen.changes else 'nothing missing'
     if not chosen.changes or not other.changes:
         return str(other)
     mine, theirs = ({change.label: change for change in each.changes}
