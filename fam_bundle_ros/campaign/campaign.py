@@ -215,10 +215,10 @@ def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str],
     counted = {row['file'] for row in rows if counts(row)}
     muscles = Counter(row['muscle'] for row in rows if row['file'] in counted)
     facts = _facts([each for each in recordings if each.file in counted])
-    told = [row for row in effects if row['file'] in counted]
+    ranked = [row for row in effects if row['file'] in counted]
     fitted = [row for row in parameters if row['file'] in counted]
-    return Campaign(bundle, rows, effects, parameters, facts, shares(told, muscles),
-                    contrasts(told, muscles, facts), trends(fitted, facts), computed)
+    return Campaign(bundle, rows, effects, parameters, facts, shares(ranked, muscles),
+                    contrasts(ranked, muscles, facts), trends(fitted, facts), computed)
 
 
 def _facts(recordings: list[Recording]) -> dict[str, dict[str, float]]:

@@ -157,13 +157,13 @@ def _done(job: Job) -> dict[str, Any]:
     told = job.recipe.merged(rest_length=dict(job.dimensions).get('length'))
     measured = read_measurement(path, recipe=recipe_for(model, told))
     result = diagnose(model, measured, choices=job.choices)
-    compared, said = result.comparison.to_dict(), result.to_dict()
+    compared, diagnosed = result.comparison.to_dict(), result.to_dict()
     # large parts are omitted from stored results
-    for tree, heavy in ((compared, ('tables', 'noise')), (said, ('confounding',))):
+    for tree, heavy in ((compared, ('tables', 'noise')), (diagnosed, ('confounding',))):
         for key in heavy:
             del tree[key]
     return {'format': FORMAT, 'error': '', 'passing': False, 'code': code_version(),
-            **plain({'data': measured.to_dict(), 'compare': compared, 'diagnose': said})}
+            **plain({'data': measured.to_dict(), 'compare': compared, 'diagnose': diagnosed})}
 
 
 def _failed(error: str, passing: bool) -> dict[str, Any]:

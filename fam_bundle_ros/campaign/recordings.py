@@ -78,20 +78,20 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
     """
     if not folder.is_dir():
         raise InputError(f'{folder}: no such folder; expected one with recordings')
-    told: dict[Path, Specimen] = {}
+    listed: dict[Path, Specimen] = {}
     for specimen in read_specimens(table) if table is not None else []:
         path = Path(specimen.data).resolve()
-        if path in told:
+        if path in listed:
             raise InputError(f"{table}: {specimen.data} is in column 'file' twice; expected one "
                              'line for each recording')
-        told[path] = specimen
+        listed[path] = specimen
     left = {path.resolve() for path in (*skip, *([table] if table is not None else []))}
     # by the name in the folder, which may be a link; the table may have another path to the file
     names = {str(path.relative_to(folder)): path for path in _files(folder, pattern)
              if path.resolve() not in left}
     there = {path.resolve() for path in names.values()}
-    names.update({str(path): path for path in told if path not in there})
-    found = [_recording(name, path.absolute(), told.get(path.resolve()))
+    names.update({str(path): path for path in listed if path not in there})
+    found = [_recording(name, path.absolute(), listed.get(path.resolve()))
              for name, path in sorted(names.items())]
     if not found:
         raise InputError(f"{folder}: no recording called '{pattern}' with one of the endings "

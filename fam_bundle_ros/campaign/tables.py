@@ -68,8 +68,8 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
                 'status': 'failed' if result['error'] else 'done',
                 'error': result['error'].removeprefix(f'{recording.path.name}: '),
                 'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None}
-    data, compared, said = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
-    error, recommended = said.get('error_N', {}), said.get('recommended', {})
+    data, compared, diagnosed = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
+    error, recommended = diagnosed.get('error_N', {}), diagnosed.get('recommended', {})
     row.update({
         'rows': data.get('rows'), 'trials': data.get('trials'),
         'rows_dropped': sum(data.get('dropped', {}).values()) if data else None,
@@ -78,13 +78,14 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
         **{key: compared.get(key) for key in ('relative_error', 'bias_N', 'largest_N',
                                               'lack_of_fit')},
         'worst_region': next((each['where'] for each in compared.get('located', [])), ''),
-        **{key: said.get(key, '') for key in ('verdict', 'summary', 'next_experiment')},
-        'effects': ', '.join(said.get('effects', [])),
-        'replaced': ', '.join(f'{old}={new}' for old, new in said.get('replaced', {}).items()),
-        'removed': ', '.join(said.get('removed', [])),
-        'tied': '; '.join(', '.join(group) for group in said.get('tied', [])),
-        'notes': '; '.join(said.get('notes', [])),
-        'noise_floor_N': said.get('noise_floor_N'), 'seconds': said.get('seconds'),
+        **{key: diagnosed.get(key, '') for key in ('verdict', 'summary', 'next_experiment')},
+        'effects': ', '.join(diagnosed.get('effects', [])),
+        'replaced': ', '.join(f'{old}={new}'
+                              for old, new in diagnosed.get('replaced', {}).items()),
+        'removed': ', '.join(diagnosed.get('removed', [])),
+        'tied': '; '.join(', '.join(group) for group in diagnosed.get('tied', [])),
+        'notes': '; '.join(diagnosed.get('notes', [])),
+        'noise_floor_N': diagnosed.get('noise_floor_N'), 'seconds': diagnosed.get('seconds'),
         'data_sha256': recording.sha256, 'address': address})
     return {**{name: value for name, value in facts_of(recording.specimen).items()
                if name not in row}, **row}
@@ -92,12 +93,12 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
 
 def effect_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
     """Return a row for each effect in the ranking of a recording."""
-    said = result.get('diagnose', {})
-    tied = {name for group in said.get('tied', []) for name in group}
-    named = {*said.get('effects', []), *said.get('replaced', {}).values(),
-             *(f'no {name}' for name in said.get('removed', []))}
+    diagnosed = result.get('diagnose', {})
+    tied = {name for group in diagnosed.get('tied', []) for name in group}
+    named = {*diagnosed.get('effects', []), *diagnosed.get('replaced', {}).values(),
+             *(f'no {name}' for name in diagnosed.get('removed', []))}
     rows: dict[str, Row] = {}
-    for entry in said.get('ranking', []):
+    for entry in diagnosed.get('ranking', []):
         name = f"no {entry['shape']}" if entry['removes'] else entry['effect']
         if name in rows and rows[name]['probability'] >= entry['probability']:
             continue

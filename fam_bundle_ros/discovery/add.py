@@ -181,14 +181,14 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     log_odds = None if same else chosen.posterior - _fitted(fitter, options, had).posterior
     physics = fitter.without_discrepancy(chosen)
     held = held_out(fitter, physics, chosen)
-    told = estimates(physics)
+    parameters = estimates(physics)
     words = [*added, *replacing.values(), *(f'without_{gone}' for gone in removing)]
     new = physics.model.named(name or renamed(model.name, words or ['recalibrated']))
     error = rms(data.force - predict(new, data))
-    new = with_intervals(new, told, error)
+    new = with_intervals(new, parameters, error)
     held = held.of_rows(beyond_cells(cells, physics, error))
     return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
-                 noise_floor(data, data.force - predict(new, data)), tuple(told), asked,
+                 noise_floor(data, data.force - predict(new, data)), tuple(parameters), asked,
                  replacing, tuple(removing), recommend(new, physics, chosen, held, fitter),
                  log_odds, choices.odds)
 

@@ -159,7 +159,7 @@ def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
 def _beside(other: LikelySet, chosen: LikelySet) -> str:
     """Return the difference of a set to the chosen one, in words."""
     if other.chosen:
-        return 'the chosen set' if chosen.changes else 'nothing missing'
+        return 'the reported set' if chosen.changes else 'nothing missing'
     if not chosen.changes or not other.changes:
         return str(other)
     mine, theirs = ({change.label: change for change in each.changes}
@@ -180,27 +180,27 @@ def priors(result: Diagnosis) -> go.Figure | None:
 
     Bars are 95 % intervals, cut at the limit of the axis.
     """
-    told = result.parameters[::-1]
-    if not told:
+    parameters = result.parameters[::-1]
+    if not parameters:
         return None
-    after = np.clip([each.moved for each in told], -_FARTHEST, _FARTHEST)
+    after = np.clip([each.moved for each in parameters], -_FARTHEST, _FARTHEST)
     drawing = plotting.figure('widths of the prior', '',
-                              height=120 + 40 * len(told))
-    rows = list(range(len(told)))
-    drawing.add_trace(_bars(rows, [each.reach for each in told], 'before the data', _FAINT, 11.0,
-                            0.45))
+                              height=120 + 40 * len(parameters))
+    rows = list(range(len(parameters)))
+    drawing.add_trace(_bars(rows, [each.reach for each in parameters], 'before the data', _FAINT,
+                            11.0, 0.45))
     drawing.add_trace(_bars(rows, after[:, 1:], 'after', _MODEL.light, 4.0, 1.0))
     drawing.add_trace(plotting.points(
         after[:, 0], rows, 'value', _MODEL, 8.0, showlegend=False,
         hovertext=[f'{each.key} {each.value:.4g} {each.unit} ({each.interval[0]:.4g} to '
                    f'{each.interval[1]:.4g}); before {each.prior[0]:.4g} ({each.prior[1]:.4g} to '
-                   f'{each.prior[2]:.4g})' for each in told], hoverinfo='text'))
+                   f'{each.prior[2]:.4g})' for each in parameters], hoverinfo='text'))
     far = max(2.3, 1.08 * float(np.abs(after).max()))
     drawing.update_xaxes(range=[-far, far])
     drawing.update_yaxes(showgrid=False, ticks='', showline=False, automargin=True,
                          ticklabelstandoff=6, tickvals=rows,
                          range=[-0.7, len(rows) - 0.3],
-                         ticktext=[plotting.stacked(each.key, 24) for each in told])
+                         ticktext=[plotting.stacked(each.key, 24) for each in parameters])
     return drawing
 
 

@@ -70,9 +70,9 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
         return plainest(search, chosen, found, choices)
     near = _near(search, chosen.posterior, choices)
     # remove the weak effects of each set, as was done for the chosen set
-    earned = {fit.names: fit for fit in (named(search, fit)[0] for fit in near)}
-    earned.pop(chosen.names, None)
-    tried = [chosen, *sorted(earned.values(), key=lambda fit: -fit.posterior)]
+    reduced = {fit.names: fit for fit in (named(search, fit)[0] for fit in near)}
+    reduced.pop(chosen.names, None)
+    tried = [chosen, *sorted(reduced.values(), key=lambda fit: -fit.posterior)]
     alone = [physics, *(fitter.without_discrepancy(fit) for fit in tried[1:])]
     squares = [squares_of_folds(fitter, fit) for fit in alone]
     least = min(squares, key=np.sum)

@@ -107,8 +107,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     posterior = Posterior.over_folds(search, chosen)
     ties = tuple(posterior.ties(answer, chosen, choices.odds))
     trades = tuple(posterior.trades(chosen, choices.odds, ties)) if answer else ()
-    told = estimates(final, posterior if answer else None)
-    best, recalibrated = _written(model, final, told), _written(model, base, estimates(base))
+    parameters = estimates(final, posterior if answer else None)
+    best, recalibrated = _written(model, final, parameters), _written(model, base, estimates(base))
     if finding.verdict == 'adequate':
         best = model
     error = {name: rms(data.force - predict(bundle, data)) for name, bundle in
@@ -145,7 +145,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         ranking=_ranking(search, posterior, answer, final, finding, beyond), tied=ties,
         located=comparison.located,
         next_experiment=further.words, next_protocol=further.protocol,
-        parameters=tuple(told),
+        parameters=tuple(parameters),
         moved={p.key: float(u) for p, u in zip(final.priors, final.u) if p.own},
         best=best, recalibrated=recalibrated, shapes_left=shapes,
         notes=(*data.notes, *finding.refusals, *finding.warnings, *doubts,
@@ -183,14 +183,14 @@ def _artefacts(offsets: Offsets | None, floor: NoiseFloor) -> list[Artefact]:
     return found
 
 
-def _written(model: Bundle, fit: Fit, told: list) -> Bundle:
+def _written(model: Bundle, fit: Fit, parameters: list) -> Bundle:
     """Return a fitted model with intervals and error, and its changes in its name."""
     had = {effect.name for effect in model.effects}
     new = [effect.name for effect in fit.model.effects if effect.name not in had]
     gone = [name for name in had if name not in {e.name for e in fit.model.effects}]
     words = [*new, *(f'without_{name}' for name in gone)] or ['recalibrated']
     error = float(np.sqrt(np.mean(fit.residual ** 2)))
-    return with_intervals(fit.model.named(renamed(model.name, words)), told, error)
+    return with_intervals(fit.model.named(renamed(model.name, words)), parameters, error)
 
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,

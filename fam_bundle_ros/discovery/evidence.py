@@ -439,8 +439,8 @@ class Fitter:
         hyper : Hyper, optional
             Of a similar set: a second start beside the small discrepancy after the annealing.
         """
-        given = start or {}
-        u = np.array([np.clip(given.get(p.key, p.start), *p.limits) for p in priors])
+        starts = start or {}
+        u = np.array([np.clip(starts.get(p.key, p.start), *p.limits) for p in priors])
         first = (u, *self.linearised(model, priors, u))
         white, point, _ = self._annealed(model, priors, first, 12, _ROUGH)
         tries = [self._climb(model, priors, point, self.first_hyper(), 2)]

@@ -245,9 +245,9 @@ class Posterior:
                 trade = trade.without(known)
             if trade.gone and trade.came:
                 found.append(trade)
-        told = [{group[0], other} for group in ties for other in group[1:]]
+        tied = [{group[0], other} for group in ties for other in group[1:]]
         return [trade for trade in found if len(trade.gone) + len(trade.came) > 2
-                or (len(trade.labels) == 2 and set(trade.labels) not in told)]
+                or (len(trade.labels) == 2 and set(trade.labels) not in tied)]
 
     def spread(self, key: str, value: float) -> float | None:
         """

@@ -202,7 +202,7 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
     return tuple(dict.fromkeys(notes))
 
 
-def not_named(posterior: Posterior, chosen: Fit, told: Iterable[str]) -> tuple[str, ...]:
+def not_named(posterior: Posterior, chosen: Fit, mentioned: Iterable[str]) -> tuple[str, ...]:
     """
     Return sentences on effects of a probability above one half that are not in the answer.
 
@@ -213,10 +213,10 @@ def not_named(posterior: Posterior, chosen: Fit, told: Iterable[str]) -> tuple[s
     ----------
     chosen : Fit
         The set that is the answer.
-    told : iterable of str
+    mentioned : iterable of str
         Labels that are named elsewhere, in ties and trades.
     """
-    known = {*_labels(posterior, chosen), *told}
+    known = {*_labels(posterior, chosen), *mentioned}
     return tuple(
         f'{label} is likelier than not ({posterior.of_label(label):.2f}) but not named: the '
         'evidence for it is weak, it does not improve the prediction of held-out folds, or its '

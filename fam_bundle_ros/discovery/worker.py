@@ -102,14 +102,14 @@ class Worker:
             self._said += part
         *lines, self._said = self._said.split(b'\n')
         for line in lines:
-            told = json.loads(line)
-            if 'error' in told:
-                return self._end(Done(error=told['error']))
-            if told['share'] >= 1.0:
+            message = json.loads(line)
+            if 'error' in message:
+                return self._end(Done(error=message['error']))
+            if message['share'] >= 1.0:
                 file, model_file = self._files
                 return self._end(Done('', file.read_text(encoding='utf-8'), str(file),
                                       str(model_file)))
-            self.share, self.words = told['share'], told['words']
+            self.share, self.words = message['share'], message['words']
         if ended:
             return self._end(Done(error='the worker process ended without a result'))
         return None
@@ -169,9 +169,9 @@ def run(model: Bundle, data: Measurement, file: str, model_file: str,
     if found.next_protocol is not None:
         protocol = str(Path(file).with_suffix('.protocol.yaml'))
         save_protocol(found.next_protocol, protocol)
-    told = {**json.loads(found.to_json()), 'file': file, 'model_file': model_file,
-            'protocol_file': protocol}
-    write_whole(file, json.dumps(told, indent=1))
+    result = {**json.loads(found.to_json()), 'file': file, 'model_file': model_file,
+              'protocol_file': protocol}
+    write_whole(file, json.dumps(result, indent=1))
 
 
 def main() -> None:

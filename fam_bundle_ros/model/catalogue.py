@@ -106,9 +106,9 @@ def from_python_file(path: Path) -> Iterator[Law]:
     except Exception as error:  # the user's file may raise anything
         if str(getattr(error, 'name', '')).startswith('fam_bundle_ros.model.effects'):
             error = InputError(CLASSES_ARE_GONE)
-        told = str(error) if isinstance(error, InputError) else (
+        reason = str(error) if isinstance(error, InputError) else (
             f'cannot be imported ({type(error).__name__}: {error})')
-        raise InputError(f'{path}: {told}') from error
+        raise InputError(f'{path}: {reason}') from error
     found = _laws_in(module)
     if not found:
         raise InputError(f'{path}: defines no law: {CLASSES_ARE_GONE}')

@@ -129,8 +129,8 @@ class _Reader:
             for unit in units:
                 try:
                     check_division(effect, _LONGEST_STRAIN, unit.max_pressure, unit.geometry)
-                except InputError as told:
-                    raise self.error(line, str(told)) from told
+                except InputError as problem:
+                    raise self.error(line, str(problem)) from problem
             if any(effect.name == other.name for other in effects):
                 raise self.error(line, f'effect {effect.name} is named twice')
             effects.append(effect)

@@ -234,11 +234,11 @@ def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, 
     origin : str
         Sentence for the first line.
     """
-    def told(key: str, indent: int, last: str = '') -> list[str]:
+    def commented(key: str, indent: int, last: str = '') -> list[str]:
         entry = next(entry for entry in ENTRIES if entry.key == key)
         meaning = entry.meaning.partition(';')[0] if key == 'muscles' else entry.meaning
-        said = f'{meaning}. Source: {sources.get(key, "the user")}.'
-        return [*_comment(said, indent),
+        comment = f'{meaning}. Source: {sources.get(key, "the user")}.'
+        return [*_comment(comment, indent),
                 f'{" " * indent}{key}: {last or " ".join(spaced(values[key]).split())}']
 
     lines = [*_comment(origin or 'A model of one muscle.'),
@@ -248,10 +248,10 @@ def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, 
              yaml.safe_dump({'name': bundle.name}, allow_unicode=True, width=999).strip(),
              'motor_units:  # in the order of recruitment']
     for k, unit in enumerate(bundle.motor_units):
-        block = [*told('muscles', 4, str(unit.muscles)), '    geometry:']
+        block = [*commented('muscles', 4, str(unit.muscles)), '    geometry:']
         for key in ('radius', 'length', 'braid_angle', 'wall_thickness'):
-            block += told(key, 6)
-        block += told('max_pressure', 4)
+            block += commented(key, 6)
+        block += commented('max_pressure', 4)
         # comments only for the first unit
         lines += [f'  - name: {unit.name}', *(line for line in block
                                               if k == 0 or not line.lstrip().startswith('#'))]
@@ -262,7 +262,7 @@ def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, 
     return '\n'.join(lines) + '\n'
 
 
-def _comment(said: str, indent: int = 0) -> list[str]:
+def _comment(comment: str, indent: int = 0) -> list[str]:
     lead = ' ' * indent + '# '
-    return textwrap.wrap(said, 99, initial_indent=lead, subsequent_indent=lead,
+    return textwrap.wrap(comment, 99, initial_indent=lead, subsequent_indent=lead,
                          break_long_words=False)

@@ -83,7 +83,7 @@ def test_sets_have_their_probabilities_and_the_told_one_its_colour(found):
     colours = list(bars.marker.color)[::-1]
     assert colours.count(colours[told]) == 1
     labels = answer_figures.sets(found).layout.yaxis.ticktext[::-1]
-    assert labels[told] == 'the chosen set'
+    assert labels[told] == 'the reported set'
     shape, = (change.new for change in sets[told].changes)
     other, = sets[1 - told].changes
     assert labels[1 - told].replace('<br>', ' ') == f'{other.new} instead of {shape}'
@@ -170,7 +170,7 @@ def test_a_set_is_named_by_how_it_differs_from_the_told_one(other, chosen, words
     """One for one is instead of; the told one is called so."""
     told = LikelySet(chosen, 0.7, True)
     assert _beside(LikelySet(other, 0.3, False), told) == words
-    assert _beside(told, told) == ('the chosen set' if chosen else 'nothing missing')
+    assert _beside(told, told) == ('the reported set' if chosen else 'nothing missing')
 
 
 def test_likely_sets_are_shown_down_to_one_in_two_thousand():
