@@ -175,15 +175,17 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     needed = joint.hyper.fits_a_table
     hyper = Surface.best(fitter, physics.model, joint.hyper).hyper if needed else None
     every = list(folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
-    for kind, train, test in every:
+    if fitter.rival_errors is None:
+        fitter.rival_errors = [[rival_error(rival, cells, train, test) for rival in names[2:]]
+                               for _, train, test in every]
+    for (kind, train, test), of_rivals in zip(every, fitter.rival_errors):
         weight = cells.count[test]
         u, residual = _without(fitter, physics, train)
         alone = with_table = residual[test]
         if hyper is not None:
             model = with_coordinates(physics.model, physics.priors, u)
             with_table = alone - _on_a_table(fitter, model, hyper, train, test)
-        errors = [alone, with_table,
-                  *(rival_error(rival, cells, train, test) for rival in names[2:])]
+        errors = [alone, with_table, *of_rivals]
         force = cells.force[test]
         seen.setdefault(kind, []).append(
             np.stack([force, *(force - errors[place] for place in shown)]))
