@@ -13,8 +13,6 @@ from dataclasses import asdict, dataclass
 import math
 from typing import Any
 
-import numpy as np
-
 from fam_bundle_ros.control.pid import PidConfig, PidGains
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import pressure_rate
@@ -160,34 +158,6 @@ def tune(sample_period: float = 5e-3, transport_delay: float = 5e-3,
     points = tuple(OperatingPoint(v, p, fill, *ratios[v, p, fill], *by_gain[ratios[v, p, fill][1]])
                    for v, p, fill in states)
     return TuneResult(gains, sample_period, dead_time, spool_frequency, points)
-
-
-def open_loop_response(result: TuneResult, spool_damping: float = 0.7,
-                       config: PidConfig = PidConfig(), gain: float = 1.0,
-                       frequencies: Any = None) -> tuple[Any, Any, Any]:
-    """
-    Return frequency (Hz), magnitude (dB) and phase (deg) of the open loop, for a Bode plot.
-
-    Parameters
-    ----------
-    result : TuneResult
-    spool_damping : float
-    config : PidConfig
-    gain : float
-        Gain of the true chamber over the controller's model.
-    frequencies : array_like, Hz, optional
-
-    Raises
-    ------
-    InputError
-        When python-control is not installed.
-    """
-    ct = python_control()
-    hertz = np.geomspace(0.3, 300.0, 300) if frequencies is None else np.asarray(frequencies)
-    loop = _loop(ct, _actuator(ct, result.dead_time, result.spool_frequency, spool_damping),
-                 result.gains, config, gain)
-    response = loop(2j * np.pi * hertz)
-    return hertz, 20.0 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response)))
 
 
 def python_control() -> Any:
