@@ -281,3 +281,14 @@ def test_rubber_is_as_stiff_as_it_is_warm():
     """A tenth above 293.15 K (20 degrees Celsius) is a tenth of the bladder's force more."""
     law = catalogue.get('temperature').function
     assert law(-50.0, 1e9, 29.315, 300.0) == pytest.approx(-5.0)
+
+
+def test_series_compliance_balances_the_braid_against_a_spring():
+    """The gauge reads muscle and spring; both carry the same force at the clamps."""
+    compliance, pressure, strain = 30e-6, 300e3, 0.05  # m/N, Pa
+    spring = catalogue.get('series_compliance')(compliance=compliance)
+    muscle = Bundle('stiff', units(1), [mesh()])
+    force = Bundle('soft', units(1), [mesh(), spring]).force(strain, [pressure])
+    own_strain = strain + compliance * force / units(1)[0].geometry.length
+    assert_allclose(force, muscle.force(own_strain, [pressure]), rtol=1e-9)
+    assert force < 0.9 * muscle.force(strain, [pressure])
