@@ -7,7 +7,7 @@ import numpy as np
 from fam_bundle_ros.model.laws.base import law, Parameter
 
 
-@law('geometry', changes='strain', family='series', leaves=('smooth2',),
+@law('geometry', changes='strain', family='series', candidate=False, leaves=('smooth2',),
      look=('vermillion', 'dot'),
      summary='fittings, tendon and frame in series with a muscle give way to its pull',
      source='system compliance of tensile testing, ASTM D3379; solved for the ideal braid',
