@@ -227,7 +227,7 @@ class PlantSimulator(BundleNode):
             return
         now = self.now_ns()
         if now == 0:
-            self.say('no clock', 'use_sim_time is on and nobody publishes /clock: time stands '
+            self.say('no clock', 'use_sim_time is on and /clock has no publisher: time stands '
                      'still (lock_step makes this node the clock)')
             return
         before, self._ticked = self._ticked, time.monotonic()
