@@ -89,7 +89,7 @@ class _Listener(BundleNode):
         self.create_subscription(kind, topic, take, matching_qos(offers))
 
     def types(self) -> dict[str, list[str]]:
-        """Return the topics of the graph that somebody publishes, with their types."""
+        """Return the topics that have a publisher, with their types."""
         return {name: types for name, types in self.get_topic_names_and_types()
                 if self.count_publishers(name)}
 
