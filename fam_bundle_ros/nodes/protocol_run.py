@@ -155,7 +155,7 @@ class ProtocolRun:
         elif self._disobeyed is None:
             self._disobeyed = seen.time
         elif seen.time - self._disobeyed > _OBEYING:
-            raise Stopped(f'the controller asks for {_kilopascals(seen.setpoint)}, not for '
+            raise Stopped(f'the setpoint is {_kilopascals(seen.setpoint)} instead of '
                           f'{_kilopascals(asked.pressure)}')
 
     # --- the script: each yield is a sample -----------------------------------------------------

@@ -268,7 +268,7 @@ def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id
     findings = check_rig(seconds=1.0, domain=domain_id, patience=15.0)
     assert [str(f) for f in findings if not f.ok] == []
     text = '\n'.join(map(str, findings))
-    # Whatever the trajectory asks for at that moment: absolute, hence 101 kPa or more.
+    # The reference of the trajectory at that moment: absolute, hence 101 kPa or more.
     assert float(text.partition('mu2/pressure unit: ')[2].partition(' kPa')[0]) > 100.0
     assert ' N, noise ' in text
     assert record(tmp_path / 'bag', 1.5, domain=domain_id) > 500
