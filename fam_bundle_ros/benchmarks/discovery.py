@@ -232,7 +232,16 @@ def confusion(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
 def benchmark(cases: int = 150, sets: Iterable[str] = SETS, processes: int | None = None,
               progress: Progress = None, scheduler: str | None = None) -> dict[str, Any]:
     """
-    Run the benchmark; see `campaign.pool.each` for the last three.
+    Run the benchmark.
+
+    Parameters
+    ----------
+    cases : int
+        Number of cases of each kind of data in each set.
+    sets : iterable of str
+        Some of `SETS`.
+    processes, progress, scheduler
+        See `campaign.pool.each`.
 
     Returns
     -------

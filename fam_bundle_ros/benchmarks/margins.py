@@ -129,6 +129,19 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
 
     Hunting of about the size of the step, which backlash and friction cause at any gain, does not
     count as instability.
+
+    Parameters
+    ----------
+    plant : str
+        Name of a plant of `plants`.
+    units : int
+        Number of motor units.
+    controller : Controller
+    baseline : BaselineConfig
+    kind : str
+        'force' or 'strain'.
+    k : float
+        Factor of the loop gain.
     """
     model, true = model_of(units), plant_of(plant, units)
     if kind == 'force':

@@ -41,7 +41,16 @@ class OffTarget:
         self.text = ''
 
     def update(self, now: float, reference: Reference, measured: Mapping[str, float]) -> None:
-        """Compare a reference with the readings at a time, s."""
+        """
+        Compare a reference with its reading.
+
+        Parameters
+        ----------
+        now : float, s
+        reference : Reference
+        measured : mapping of str to float
+            Readings of ``force`` (N) and ``strain``; nan for a missing one.
+        """
         kind = reference.kind
         if kind not in self._limits:
             # Pressure errors are watched by the pressure loops.
