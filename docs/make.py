@@ -21,48 +21,48 @@ TOPICS = {
     'strain': 'joints `contraction` (m) and `strain`, positive when shorter, with velocities; '
               '`contraction` alone is enough',
     'mu/pressure': 'absolute pressure of the motor unit, Pa',
-    'mu/pressure_setpoint': 'absolute pressure asked for, Pa',
+    'mu/pressure_setpoint': 'absolute pressure setpoint, Pa',
     'mu/valve_command': 'joint `mu<i>_valve`, effort -1 exhaust, 0 closed, 1 fill; stamp of the '
-                        'pressure that it answers',
+                        'pressure reading on which it is based',
     'supply/pressure': 'absolute pressure of the supply, Pa',
     'reference/force': 'force.x in N; the last reference received is the control mode',
     'reference/strain': 'joint `strain` with its rate',
-    'reference/pressures': 'joints `mu1`, `mu2`, ...: gauge pressures asked for as efforts, Pa; '
-                           'for experiments: no model is asked, limits and latches act',
-    'reference/dynamometer': 'joint `strain` with its rate: what a dynamometer shall impose; the '
-                             'simulator obeys where `load.kind` is dynamometer, on a rig its '
-                             'driver does',
+    'reference/pressures': 'joints `mu1`, `mu2`, ...: gauge pressure setpoints as efforts, Pa; '
+                           'for experiments: without a model, with limits and latches',
+    'reference/dynamometer': 'joint `strain` with its rate: setpoint of a dynamometer, for the '
+                             'simulator if `load.kind` is dynamometer, on a rig for the driver of '
+                             'the dynamometer',
     'reference/trajectory': 'joint `force`, `strain` or `contraction`; sampled into the above',
-    'recruitment_state': '0 off, also while the pressures still ramp down; k for RSk; latched',
+    'recruitment_state': '0 off, also during the ramp down of the pressures; k for RSk; latched',
     'recruitment': 'per motor unit: on or off (position), share of the force (effort, 0 to 1)',
-    'adaptation': 'what the controller has learnt of each motor unit, in words; latched',
-    'model/force': 'what the model predicts, N',
+    'adaptation': 'what the controller has learnt of each motor unit, as text; latched',
+    'model/force': 'force predicted by the model, N',
     'model/residual': 'measured minus predicted, N',
     'model/state': 'whether the model holds: JSON with holds, words, error_N, noise_N, '
                    'tolerance_N, where, since_s, diagnosing, candidate; latched',
-    'model/diagnosis': 'what `diagnose` found: the JSON of `fam_bundle diagnose`, with file and '
+    'model/diagnosis': 'result of `diagnose`: the JSON of `fam_bundle diagnose`, with file and '
                        'model_file; latched',
-    'model/applied': 'model file that `apply_model` or `restore_model` brought into use; latched',
+    'model/applied': 'model file that `apply_model` or `restore_model` activated; latched',
     'e_stop': 'emergency stop, latched; one publisher',
     'supply_enable': 'true: the supply may be open; on change and 10 times a second; false or '
-                     'silent for 0.5 s: cut it and dump',
-    'mu/pid_state': 'how the pressure loop is: `ACTIVE`, `LATCHED NO_RESPONSE: mu1 shows ...`; '
+                     'silent for 0.5 s: cut and dump the supply',
+    'mu/pid_state': 'state of the pressure loop: `ACTIVE`, `LATCHED NO_RESPONSE: mu1 shows ...`; '
                     'on change and 20 times a second; latched',
     '/diagnostics': 'rate, age, saturation, margins, simulated or rig; 1 Hz',
 }
 SERVICES = {
     'enable': 'bumpless on and off', 'e_stop_trigger': 'vent all, latched',
-    'e_stop_reset': 'leave the emergency stop',
-    'reset': 'the simulated rig starts anew; an emergency stop stays',
-    'tare': 'the load cell of the simulated rig is set to zero; warns under pressure',
-    'fault/clear': 'repair everything in the simulated rig: all parameters `faults.*`',
-    'diagnose': 'ask what the model lacks, on the memory of the last minutes; the answer comes on '
-                '`model/diagnosis` and as a file in `diagnosis_folder`',
-    'apply_model': 'use the model that the last diagnosis recommends, without a bump; refused '
-                   'unless it fits and predicts the memory better',
-    'restore_model': 'go back to the model before',
-    'adaptation/reset': 'forget what was learnt',
-    'adaptation/save': 'write the model with what was learnt to `adaptation_file`, by default '
+    'e_stop_reset': 'release the emergency stop',
+    'reset': 'restart the simulated rig; an emergency stop is kept',
+    'tare': 'zero the load cell of the simulated rig; warns under pressure',
+    'fault/clear': 'remove all faults of the simulated rig: all parameters `faults.*`',
+    'diagnose': 'find what the model lacks, on the memory of the last minutes; the result is '
+                'published on `model/diagnosis` and written to `diagnosis_folder`',
+    'apply_model': 'activate the model that the last diagnosis recommends, bumpless; refused '
+                   'unless it matches the bundle and predicts the memory better',
+    'restore_model': 'restore the previous model',
+    'adaptation/reset': 'delete what was learnt',
+    'adaptation/save': 'write the adapted model to `adaptation_file`, by default '
                        '`<model>_adapted.yaml` in the working directory',
 }
 
@@ -85,8 +85,8 @@ def ros() -> str:
                  'absolute, as FluidPressure is defined (`pressure_is_gauge` for drivers that '
                  'send gauge).\n\n',
                  '## Topics\n\n', _topics(nodes), '\n## Services\n\n', _services(nodes),
-                 '\n## Parameters\n\nEvery parameter has a descriptor with its range. "Running" '
-                 'says whether it may change while the node runs.\n']
+                 '\n## Parameters\n\nEvery parameter has a descriptor with its range. "Running": '
+                 'whether it may change while the node runs.\n']
         common = {spec.name for spec in base.COMMON}
         parts += ['\n### Every node\n\n', _parameters(base.COMMON)]
         for node in _one_of_each(nodes):
@@ -105,7 +105,7 @@ def effects() -> str:
     """Return the catalogue of effects."""
     from fam_bundle_ros.model import catalogue
     parts = [HEAD, '# Effects\n\n',
-             'What a model file can name, by family. `fam_bundle effects NAME` shows the same in '
+             'Effects for model files, by family. `fam_bundle effects NAME` shows the same in '
              'the terminal.\n\n',
              _rows(('effect', 'acts on', 'what it is'), (
                  (f'[{name}](#{name})', catalogue.get(name).place.value,

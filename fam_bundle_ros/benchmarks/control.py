@@ -101,8 +101,13 @@ def cases_of(plants: Sequence[str] = tuple(PLANTS), trajectories: Sequence[str] 
     """
     Return the cases of a benchmark.
 
-    With ``full`` every other controller on every combination of plant, trajectory and units, else
-    a pairwise cover. ``no_feedback`` is added on the nominal plant.
+    Parameters
+    ----------
+    plants, trajectories, units, others, seeds : sequence
+        Values of the factors; ``no_feedback`` is added to ``others`` on the nominal plant.
+    full : bool
+        Every other controller on every combination of plant, trajectory and units; else a
+        pairwise cover.
     """
     if full or not others:
         chosen = [(p, t, n, tuple(others)) for p in plants for t in trajectories for n in units]

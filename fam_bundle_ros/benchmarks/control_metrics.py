@@ -96,7 +96,17 @@ def compared(log: Log, ours: Log, beside: Log) -> dict[str, Any]:
 
 
 def held_air(plant: Any, pressure: np.ndarray, strain: float, tube_volume: float) -> float:
-    """Return the air for filling vented units to gauge pressures (n,), kg."""
+    """
+    Return the air mass for filling vented units, kg.
+
+    Parameters
+    ----------
+    plant : Bundle or ForeignPlant
+    pressure : ndarray (n,), Pa (gauge)
+    strain : float
+    tube_volume : float, m^3
+        Per motor unit.
+    """
     model = plant.model(False)
     gauge = [max(float(p), 0.0) for p in pressure]
     volume = [tube_volume + model.volume(i, strain, gauge, 0.0, model.shape, model.parameters,

@@ -76,7 +76,7 @@ def _over_no_feedback(name):
     return value
 
 
-def untold_ratio(case: dict[str, Any]) -> float | None:
+def unknown_load_ratio(case: dict[str, Any]) -> float | None:
     """Return our strain rms without knowledge of the load, over that of equal pressure."""
     ours, untold = case['reversal_aware'], case.get('untold_load')
     if untold is None or ours['kind'] != 'strain':
@@ -91,7 +91,7 @@ def _one(wanted, value):
 #: Figure, its value in a case, and targets of median, 90 % quantile and worst; None for no target.
 FIGURES = (
     ('tracking rms over equal pressure', rms_ratio, 0.8, 1.0, 1.3),
-    ('strain, load not known: rms over equal pressure', untold_ratio, 0.8, 1.0, 1.3),
+    ('strain, load not known: rms over equal pressure', unknown_load_ratio, 0.8, 1.0, 1.3),
     ('air over equal pressure', air_ratio, None, None, 1.05),
     ('air over equal pressure, one unit is enough', _one(lambda r: r['one_unit'], air_ratio),
      None, None, 0.7),

@@ -95,7 +95,17 @@ class _Stairs:
 
 
 def top_force(strain: float, model: Bundle, plant: Any, units: int | None = None) -> float:
-    """Return the largest force of both plant and model at a strain, first ``units`` on, N."""
+    """
+    Return the largest force that both plant and model can give at a strain, N.
+
+    Parameters
+    ----------
+    strain : float
+    model : Bundle
+    plant : Bundle or ForeignPlant
+    units : int, optional
+        Number of motor units at their largest pressure; all by default.
+    """
     pressure = np.where(np.arange(model.n) < (units or model.n), model.max_pressure, 0.0)
     return min(float(model.force(strain, pressure)), rest_force(plant, strain, pressure))
 

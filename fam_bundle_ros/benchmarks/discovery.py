@@ -84,7 +84,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
     begun = time.process_time()
     result = diagnose(case.model, case.data, choices=choices)
     seconds = time.process_time() - begun
-    visible = left_to_see(case)
+    visible = visible_rms(case)
     named = set(result.effects)
     right = [{name, *also} for name, also in zip(case.hidden, case.also_right)]
     ranking = [entry.effect for entry in result.ranking]
@@ -117,7 +117,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
     return plain(row)
 
 
-def left_to_see(case: make.Case) -> float:
+def visible_rms(case: make.Case) -> float:
     """Return the rms error of the refitted model without the hidden effect, in noise sd."""
     cells = reduce(case.model, case.data)
     fitter = Fitter(cells, Covariance(cells, Choices().unexplained))
@@ -232,7 +232,16 @@ def confusion(rows: list[dict[str, Any]]) -> dict[str, dict[str, int]]:
 def benchmark(cases: int = 150, sets: Iterable[str] = SETS, processes: int | None = None,
               progress: Progress = None, scheduler: str | None = None) -> dict[str, Any]:
     """
-    Run the benchmark; see `campaign.pool.each` for the last three.
+    Run the benchmark.
+
+    Parameters
+    ----------
+    cases : int
+        Number of cases of each kind of data in each set.
+    sets : iterable of str
+        Some of `SETS`.
+    processes, progress, scheduler
+        See `campaign.pool.each`.
 
     Returns
     -------

@@ -161,7 +161,7 @@ def rig_of(case: Case) -> RigConfig:
     return replace(rig, valve=replace(rig.valve, conductance=factor * rig.valve.conductance))
 
 
-def told(case: Case) -> dict[str, Any]:
+def node_parameters(case: Case) -> dict[str, Any]:
     """Return the parameters of the nodes in addition to those of the rig."""
     values: dict[str, Any] = {'policy': case.policy}
     if case.fault in _CONDUCTANCE:

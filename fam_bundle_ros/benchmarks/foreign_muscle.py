@@ -106,6 +106,8 @@ def own_volume(strain: np.ndarray) -> np.ndarray:
 
 
 # --- kernels -----------------------------------------------------------------------------------
+# In all of them: strain and braid are strains, pressure is in Pa (gauge), dt in s; shape, tables,
+# memory and after are rows of the motor unit as in `ForeignPlant`; start marks the first step.
 
 def muscle_force(unit, strain, pressure, dt, start, shape, tables, memory, after):
     """Return the tension of a motor unit, N; update the memory of its braid."""

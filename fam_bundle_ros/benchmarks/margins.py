@@ -85,7 +85,7 @@ def pressure_gains(delay: float) -> PidGains:
     return tune(sample_period=PID_PERIOD, transport_delay=delay).gains
 
 
-def told(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
+def pid_settings(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
     """Return the settings of pressure loops for a plant: nominal valve, true dead time."""
     config = pid_config(replace(rig, valve=RigConfig().valve), PID_PERIOD, noise_factor)
     return replace(config, transport_delay=delay)
@@ -117,7 +117,7 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
                               adaptation=AdaptationConfig(enabled=controller.feedback))
     return ClosedLoop(plant_of(plant, units), model_of(units), config, kind.rig,
                       PERIOD, PID_PERIOD, pressure_gains(kind.delay),
-                      told(kind.rig, kind.delay, kind.noise_factor),
+                      pid_settings(kind.rig, kind.delay, kind.noise_factor),
                       kind.noise_factor * noise, seed, deviation=deviation,
                       told_load=controller.told_load)
 
@@ -129,6 +129,19 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
 
     Hunting of about the size of the step, which backlash and friction cause at any gain, does not
     count as instability.
+
+    Parameters
+    ----------
+    plant : str
+        Name of a plant of `plants`.
+    units : int
+        Number of motor units.
+    controller : Controller
+    baseline : BaselineConfig
+    kind : str
+        'force' or 'strain'.
+    k : float
+        Factor of the loop gain.
     """
     model, true = model_of(units), plant_of(plant, units)
     if kind == 'force':
@@ -144,7 +157,7 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
             partial(_step, level, step), lambda t: 0.0, load, prepare=1.2)
         log = loop_of(plant, units, controller, baseline, noise=0.0,
                       deviation=(k, level)).run(trajectory)
-        first, last = (_unrest(log.error, (log.time > begin) & (log.time <= begin + _AFTER))
+        first, last = (_oscillation(log.error, (log.time > begin) & (log.time <= begin + _AFTER))
                        for begin in (_BEFORE, _BEFORE + _AFTER))
         if last > max(0.5 * first, _HUNTING * step):
             return False
@@ -155,7 +168,7 @@ def _step(level: float, step: float, t: float) -> float:
     return level + (step if t > _BEFORE else 0.0)
 
 
-def _unrest(signal: np.ndarray, inside: np.ndarray) -> float:
+def _oscillation(signal: np.ndarray, inside: np.ndarray) -> float:
     """Return the peak-to-peak deviation of part of a signal from its drift, a parabola."""
     x = np.linspace(-1.0, 1.0, int(inside.sum()))
     return float(np.ptp(signal[inside] - np.polyval(np.polyfit(x, signal[inside], 2), x)))

@@ -62,7 +62,7 @@ class Figure:
 
     @property
     def ratio(self) -> float | None:
-        """Value over the peer's."""
+        """Value divided by the peer's."""
         return None if not self.beside else self.value / self.beside
 
     @property

@@ -67,7 +67,7 @@ def benchmark_control(
     with counter('benchmark-control') as tick:
         result = control.run_benchmark(cases, workers, scheduler=scheduler, progress=tick)
     table(PLANT_HEAD, [plant_cells(line) for line in result.summary['plants']],
-          title='reversal_aware beside equal_pressure, the worst plant first',
+          title='reversal_aware and equal_pressure, the worst plant first',
           numeric=tuple(range(1, len(PLANT_HEAD))))
     table(FIGURE_HEAD, [figure_cells(figure) for figure in result.summary['figures']],
           title=f'{len(cases)} cases, {len(result.rows)} runs, {result.seconds:.0f} s',
@@ -193,7 +193,7 @@ def bench(
         for row in chosen:
             tick(len(results) / len(chosen), row.name)
             results += speed.run([row], scale)
-    table(('row', 'what', 'measured', 'unit', 'beside', 'of', 'ratio', 'to reach', ''),
+    table(('row', 'what', 'measured', 'unit', 'peer value', 'peer', 'ratio', 'target', ''),
           [cells for result in results for cells in _cells(result)], numeric=(2, 4, 6, 7))
     for result in results:
         for line in result.remarks:

@@ -23,7 +23,7 @@ def run_case(case: Case) -> dict[str, Any]:
     record = run_with_faults(
         model, faults.trajectory_of(case, model), rig,
         # A namespace each: workers share a domain, and may be threads of one process.
-        {**faults.told(case), 'publish_clock': False}, enable_at=case.enable_at,
+        {**faults.node_parameters(case), 'publish_clock': False}, enable_at=case.enable_at,
         lock_step=case.lock_step,
         rate=faults.RATE, seed=case.seed, namespace=f'/faults_{uuid4().hex}')
     return verdicts.judge(case, record, verdicts.Limits.of(model, rig))

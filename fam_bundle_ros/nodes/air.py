@@ -69,9 +69,18 @@ class Air:
 
     def command(self, unit: int, value: float, answers: float, now: float) -> bool:
         """
-        Take a valve command (-1 to 1), based on the reading of time ``answers``; return if fresh.
+        Take a valve command; return whether it is fresh.
 
-        If that time lies in the future (clocks differ), the age counts from the arrival.
+        Parameters
+        ----------
+        unit : int
+            From 0.
+        value : float
+            -1 exhaust, 0 closed, 1 fill.
+        answers : float, s
+            Time of the reading on which the command is based. If it lies in the future (clocks
+            differ), the age counts from the arrival.
+        now : float, s
         """
         if now - answers > self._command_timeout:
             return False

@@ -136,7 +136,7 @@ class Board:
         return samples
 
     def sent(self, number: int, now: float) -> None:
-        """Note that a command has gone out."""
+        """Record that a command was sent."""
         self._sent[number] = now
         if len(self._sent) > _OPEN_COMMANDS:
             del self._sent[next(iter(self._sent))]

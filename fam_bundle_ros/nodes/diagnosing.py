@@ -203,7 +203,18 @@ def look_closer(watch: ModelWatch, file: str, before: Candidate | None
 
 def candidate_on(data: Measurement, present: Bundle, file: str, before: Candidate | None = None
                  ) -> Candidate:
-    """Return the comparison of a model file with the present model on data."""
+    """
+    Return the comparison of a model file with the present model on data.
+
+    Parameters
+    ----------
+    data : Measurement
+    present : Bundle
+    file : str
+        Path of the candidate.
+    before : Candidate, optional
+        Result of the last comparison, whose model is used again.
+    """
     try:
         bundle = before.bundle if before and before.bundle else bundle_from(file)
         old, new = error_on(present, data), error_on(bundle, data)

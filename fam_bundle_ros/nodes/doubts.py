@@ -27,7 +27,7 @@ class OffTarget:
     >>> for now in (0.0, 3.0):
     ...     watch.update(now, Reference('force', 60.0), {'force': 23.0, 'strain': 0.1})
     >>> watch.text
-    'force is 23, asked for is 60 N, for 3.0 s'
+    'force is 23, reference is 60 N, for 3.0 s'
     """
 
     def __init__(self, limits: Mapping[str, float]):
@@ -41,7 +41,16 @@ class OffTarget:
         self.text = ''
 
     def update(self, now: float, reference: Reference, measured: Mapping[str, float]) -> None:
-        """Compare a reference with the readings at a time, s."""
+        """
+        Compare a reference with its reading.
+
+        Parameters
+        ----------
+        now : float, s
+        reference : Reference
+        measured : mapping of str to float
+            Readings of ``force`` (N) and ``strain``; nan for a missing one.
+        """
         kind = reference.kind
         if kind not in self._limits:
             # Pressure errors are watched by the pressure loops.
@@ -55,7 +64,7 @@ class OffTarget:
         if self._since is None or now < self._since:
             self._since = now
         if now - self._since >= _PATIENCE:
-            self.text = (f'{kind} is {value:.3g}, asked for is {reference.value:.3g}'
+            self.text = (f'{kind} is {value:.3g}, reference is {reference.value:.3g}'
                          f'{_UNITS[kind]}, for {now - self._since:.1f} s')
 
 

@@ -49,7 +49,7 @@ _OF_CHANNELS = (
 _OF_UNITS = (
     ('stuck_valve', 'valves stuck at their present opening or at a given one', 'mu1=0.3'),
     ('leaking_valve', 'valves that let supply air in, through an opening', 'mu1=0.1'),
-    ('reversed_valve', 'valves that exhaust when told to fill', ''),
+    ('reversed_valve', 'valves that exhaust when commanded to fill', ''),
     ('exchanged_valves', 'two valves exchanged', 'mu1=mu2'),
     ('leak', 'leaks with their time constant in s', 'mu2=0.5'),
     ('burst', 'motor units with a torn muscle', ''),

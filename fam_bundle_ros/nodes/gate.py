@@ -47,6 +47,12 @@ class Gate:
 
         A stamp before the newest restarts time (the simulator was reset) if its channel carried
         the newest stamp; otherwise the value is late, and only shows that the channel is back.
+
+        Parameters
+        ----------
+        channel : str
+        stamp : int, ns
+        value : object
         """
         self.lost.discard(channel)
         before = self._latest[channel][0]

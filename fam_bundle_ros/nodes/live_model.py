@@ -50,7 +50,18 @@ class LiveModel:
         self._state = self.bundle.start_state()
 
     def step(self, dt: float, strain: float, pressure: list[float], rate: float) -> float:
-        """Return the force that the load cell should show now, N; nan for unusable readings."""
+        """
+        Return the force that the load cell should show now, N; nan for unusable readings.
+
+        Parameters
+        ----------
+        dt : float, s
+            Time since the last step.
+        strain : float
+        pressure : list of float, Pa (gauge)
+        rate : float, 1/s
+            Strain rate.
+        """
         if not math.isfinite(strain + rate + sum(pressure)):
             self.reset()
             return math.nan

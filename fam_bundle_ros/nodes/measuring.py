@@ -107,7 +107,7 @@ class Measuring(BundleNode):
                             (interface.REFERENCE_STRAIN, JointState)):
             def other(message: Any, topic: str = topic) -> None:
                 self.other = topic, time.monotonic()
-                self._stop(f'somebody else sends {topic}')
+                self._stop(f'another node sends {topic}')
             self.subscribe(topic, kind, other)
         self.enable_client = self.create_client(SetBool, interface.ENABLE)
         self.parameter_client = self.create_client(
@@ -319,9 +319,9 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
         interface.REFERENCE_PRESSURES, interface.REFERENCE_DYNAMOMETER))
     missing: Sequence[tuple[str, Callable[[], bool]]] = (
         ('no samples of a bundle', lambda: node.heard > 0.0),
-        (f'nobody listens to {pressures}: no recruitment controller',
+        (f'{pressures} has no subscriber: no recruitment controller',
          lambda: node.count_subscribers(pressures) > 0 and node.enable_client.service_is_ready()),
-        (f'nobody listens to {strain}, and the protocol needs a dynamometer',
+        (f'{strain} has no subscriber, and the protocol needs a dynamometer',
          lambda: not protocol.imposes_strain or node.count_subscribers(strain) > 0))
     for what, there in missing:
         if not until(there, _PATIENCE):
@@ -331,7 +331,7 @@ def _meet(node: Measuring, until: Callable[[Callable[[], bool], float], bool],
     met = time.monotonic()
     # Another publisher may not be discovered yet.
     if not until(lambda: time.monotonic() - max(node.other[1], met) > _QUIET, 4 * _QUIET):
-        raise InputError(f'somebody else sends {node.resolve_topic_name(node.other[0])}; end it, '
+        raise InputError(f'another node sends {node.resolve_topic_name(node.other[0])}; end it, '
                          'or set give_way of reference_generator to true')
     asked = GetParameters.Request(names=['reference_timeout'])
     future = node.parameter_client.call_async(asked)

@@ -85,7 +85,7 @@ class Oversight:
         self.pressure = [math.nan] * bundle.n
         #: Last force (N) and strain, nan where they cannot be trusted.
         self._force = self._strain = math.nan
-        self.believe(bundle)
+        self.set_model(bundle)
         self._moved_from: dict[str, tuple[float, list[float]]] = {}
         self._lost_readings, self._lost_stop = LostTime(), LostTime()
         self._stop_heard = True
@@ -109,7 +109,7 @@ class Oversight:
             *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0, GAUGE))
               for i in range(self._n))]
 
-    def believe(self, bundle: Bundle) -> None:
+    def set_model(self, bundle: Bundle) -> None:
         """Compare the force with this model from now on."""
         model = bundle.model(False)
 
@@ -182,7 +182,17 @@ class Oversight:
                        f'{kilopascals(limit)}')
 
     def look(self, sample: Sample, enabled: bool, off_target: bool) -> None:
-        """Latch where a sample, the pressure loops or a long loss say so."""
+        """
+        Latch if a sample, the pressure loops or a long loss require it.
+
+        Parameters
+        ----------
+        sample : Sample
+        enabled : bool
+            Whether the controller is on; if not, only the pressures are checked.
+        off_target : bool
+            Whether the reference has been missed for longer than a transient.
+        """
         for unit, pressure in enumerate(sample.pressure):
             self.look_at_pressure(unit, pressure)
         if not enabled:
@@ -213,14 +223,14 @@ class Oversight:
         if trouble := self.loops.troubled(patience):
             self.latch(LOST, f'{trouble}, for {patience:g} s in all')
         if self._lost_stop.see(now, not self._stop_heard, patience):
-            self.latch(LOST, f'nobody publishes e_stop any more, for {patience:g} s')
+            self.latch(LOST, f'e_stop has no publisher any more, for {patience:g} s')
 
     def _look_for_stop(self) -> None:
         """Detect that the emergency stop has lost its publisher."""
         heard = self._node.publisher_count(interface.E_STOP) > 0
         if self._stop_heard and not heard and self.guard.now.state is State.ACTIVE:
             self._node.get_logger().warning(
-                'nobody publishes e_stop any more: is the emergency stop connected? Off after '
+                'e_stop has no publisher any more: is the emergency stop connected? Off after '
                 f"{self._node.p['resume_within']:g} s (resume_within)")
         self._stop_heard = heard
 
@@ -254,7 +264,7 @@ class Oversight:
             reasons.append(': '.join(part for part in ('the emergency stop is on',
                                                        self.e_stop.doubt) if part))
         elif node.p['e_stop_required'] and not node.publisher_count(interface.E_STOP):
-            reasons.append('nobody publishes e_stop (for a rig that has none: e_stop_required '
+            reasons.append('e_stop has no publisher (for a rig without one: e_stop_required '
                            'false)')
         silent = self.loops.silent(self._patience)
         for unit, pressure in enumerate(self.pressure):
@@ -275,9 +285,9 @@ class Oversight:
             elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
                 reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
                                f'{kilopascals(pressure)}')
-        return '; '.join(reasons or self._felt())
+        return '; '.join(reasons or self._force_contradiction())
 
-    def _felt(self) -> list[str]:
+    def _force_contradiction(self) -> list[str]:
         """Return why the force contradicts pressures below the trip."""
         limits = [self._trip(unit) for unit in range(self._n)]
         if not math.isfinite(self._force + self._strain + sum(self.pressure)):

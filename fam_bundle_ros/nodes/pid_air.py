@@ -89,7 +89,13 @@ class Air:
         """
         Return cause and reason if a pressure (Pa) is implausible; see `InflowWatch.see`.
 
-        ``time`` is its stamp, ``gap`` the time between its arrival and the previous one, s.
+        Parameters
+        ----------
+        time : float, s
+            Stamp of the reading.
+        pressure : float, Pa (gauge)
+        gap : float, s
+            Time since the previous reading arrived.
         """
         volume, _ = self._volumes.at(self.strain.value(self._patience)[0])
         return self.inflow.see(time, pressure, self._volumes.ends if volume is None else volume,

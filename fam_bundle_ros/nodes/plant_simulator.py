@@ -67,10 +67,30 @@ class Script(Protocol):
     """Hooks before and after each step of a simulated rig; decides when the run ends."""
 
     def before(self, rig: Rig, time: float, period: float) -> None:
-        """Act on the rig at a time of the run (s), before it steps by a period."""
+        """
+        Act on the rig before it steps.
+
+        Parameters
+        ----------
+        rig : Rig
+        time : float, s
+            Time of the run.
+        period : float, s
+            Duration of the step.
+        """
 
     def after(self, rig: Rig, time: float, commands: list[float]) -> bool:
-        """Inspect the rig after a step; return whether time stands still from now on."""
+        """
+        Inspect the rig after a step; return whether time stands still from now on.
+
+        Parameters
+        ----------
+        rig : Rig
+        time : float, s
+            Time of the run at the end of the step.
+        commands : list of float
+            Valve commands of the step, -1..1.
+        """
 
 
 class PlantSimulator(BundleNode):
@@ -227,7 +247,7 @@ class PlantSimulator(BundleNode):
             return
         now = self.now_ns()
         if now == 0:
-            self.say('no clock', 'use_sim_time is on and nobody publishes /clock: time stands '
+            self.say('no clock', 'use_sim_time is on and /clock has no publisher: time stands '
                      'still (lock_step makes this node the clock)')
             return
         before, self._ticked = self._ticked, time.monotonic()

@@ -138,7 +138,7 @@ def load_profile(name: str) -> Points:
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path.name}: is no YAML ({in_short(error)})') from None
+        raise InputError(f'{path.name}: is not YAML ({in_short(error)})') from None
     return profile_from(content, path.name)
 
 

@@ -155,7 +155,7 @@ class ProtocolRun:
         elif self._disobeyed is None:
             self._disobeyed = seen.time
         elif seen.time - self._disobeyed > _OBEYING:
-            raise Stopped(f'the controller asks for {_kilopascals(seen.setpoint)}, not for '
+            raise Stopped(f'the setpoint is {_kilopascals(seen.setpoint)} instead of '
                           f'{_kilopascals(asked.pressure)}')
 
     # --- the script: each yield is a sample -----------------------------------------------------
@@ -214,7 +214,7 @@ class ProtocolRun:
         arrived = self._seen.time
         while not abs(self._seen.strain - strain) <= _ARRIVED:
             if self._seen.time - arrived > _ARRIVING:
-                raise Stopped(f'strain is {self._seen.strain:.4g}, {strain:.4g} was asked for: '
+                raise Stopped(f'strain is {self._seen.strain:.4g}, {strain:.4g} is the setpoint: '
                               'the dynamometer does not follow')
             yield self._hold()
 
@@ -234,7 +234,7 @@ class ProtocolRun:
                 return
             if self._seen.time - begin > _FILLING:
                 raise Stopped(f'pressure is {_kilopascals(tuple(means))}, '
-                              f'{_kilopascals(pressure)} was asked for {_FILLING:g} s ago')
+                              f'{_kilopascals(pressure)} is the setpoint since {_FILLING:g} s')
             yield self._hold()
 
     def _record(self, segment: Segment) -> Generator[Asked, None, list[Row]]:

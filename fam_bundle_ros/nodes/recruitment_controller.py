@@ -359,7 +359,7 @@ class RecruitmentNode(BundleNode):
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
         self._limit = self.bundle.max_pressure.tolist()
-        self._oversight.believe(self.bundle)
+        self._oversight.set_model(self.bundle)
         before = self.controller
         self.controller = RecruitmentController(self.bundle, controller_config(self.p))
         if before.bundle is self.bundle:

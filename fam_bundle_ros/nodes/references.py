@@ -56,7 +56,7 @@ class ReferenceRate:
     def _slope(self) -> float:
         """Return the slope of the longest consistent line, N/s."""
         last, value = self._values[-1]
-        believed, low, high = 0.0, -math.inf, math.inf
+        consistent, low, high = 0.0, -math.inf, math.inf
         jitter = _JITTER * (last - self._values[0][0]) * 1e-9 / max(len(self._values) - 1, 1)
         time_sum = change_sum = squares = products = 0.0
         for count, (stamp, each) in enumerate(reversed(self._values), 1):
@@ -73,8 +73,8 @@ class ReferenceRate:
             low, high = max(low, slope - doubt), min(high, slope + doubt)
             if low > high:
                 break
-            believed = slope
-        return believed
+            consistent = slope
+        return consistent
 
 
 class MovingReference:

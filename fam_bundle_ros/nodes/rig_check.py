@@ -89,7 +89,7 @@ class _Listener(BundleNode):
         self.create_subscription(kind, topic, take, matching_qos(offers))
 
     def types(self) -> dict[str, list[str]]:
-        """Return the topics of the graph that somebody publishes, with their types."""
+        """Return the topics that have a publisher, with their types."""
         return {name: types for name, types in self.get_topic_names_and_types()
                 if self.count_publishers(name)}
 
@@ -185,7 +185,7 @@ def _judge(node: _Listener, units: int, seconds: float, ambient: float,
         wanted = expected[name].type_name
         optional = name == interface.SUPPLY
         if wanted not in found:
-            seen = f"is {', '.join(found)}" if found else 'nobody publishes it'
+            seen = f"is {', '.join(found)}" if found else 'no publisher'
             findings.append(Finding(optional and not found, name, f'{seen}; expected {wanted}'
                                     + (' (optional)' if optional else '')))
             continue
@@ -195,7 +195,7 @@ def _judge(node: _Listener, units: int, seconds: float, ambient: float,
         name = interface.valve_topic(i + 1)
         heard = node.count_subscribers(name)
         findings.append(Finding(heard > 0, name, f'subscribed by {heard}' if heard else
-                                'nobody listens: the valve driver has to subscribe'))
+                                'no subscriber: the valve driver must subscribe'))
     stop = node.count_publishers(interface.E_STOP)
     findings.append(Finding(stop == 1, interface.E_STOP, f'publishers: {stop}; expected one'))
     return findings
@@ -220,7 +220,7 @@ def _judge_channel(name: str, rows: list[tuple[float, int, float, float]], bad: 
     finite = values[np.isfinite(values)]
     if len(finite) < len(values):
         findings.append(Finding(False, f'{name} values',
-                                f'{len(values) - len(finite)} of {len(values)} are no number'))
+                                f'{len(values) - len(finite)} of {len(values)} are not numbers'))
     if len(finite) and np.ptp(finite) == 0.0:
         findings.append(Finding(True, f'{name} noise', f'none: all {len(finite)} readings are the '
                                 'same; is it alive? Set stuck_time to 0 for an instrument without '
@@ -258,19 +258,19 @@ def _judge_values(name: str, values: np.ndarray, ambient: float, gauge: bool) ->
 def _judge_force(middle: float, noise: float) -> Finding:
     seen = f'{middle:.2f} N, noise {noise:.2f} N'
     if abs(middle) < _LITTLE_FORCE:
-        return Finding(True, 'force unit and sign', f'{seen}; cannot be told at rest: pull with a '
-                       'known weight, and see the same in N with a plus', note=True)
+        return Finding(True, 'force unit and sign', f'{seen}; cannot be determined at rest: pull '
+                       'with a known weight, and see the same positive value in N', note=True)
     ok = 0.0 < middle < 5000.0
     return Finding(ok, 'force sign' if ok else 'force unit and sign', seen + (
-        '; whether it is N cannot be told: compare with a known weight' if ok else
+        '; whether it is N cannot be determined: compare with a known weight' if ok else
         '; expected N, tension positive: is the sign or the unit wrong?'), note=ok)
 
 
 def _judge_strain(middle: float, noise: float) -> Finding:
     seen = f'{middle:.4f}, noise {noise:.1e}'
     if abs(middle) < _LITTLE_STRAIN:
-        return Finding(True, 'strain unit and sign', f'{seen}; cannot be told near zero: shorten '
-                       'the bundle by a tenth, and see 0.1', note=True)
+        return Finding(True, 'strain unit and sign', f'{seen}; cannot be determined near zero: '
+                       'shorten the bundle by a tenth, and see 0.1', note=True)
     ok = -0.1 < middle < 0.5
     return Finding(ok, 'strain unit and sign', seen + (
         '' if ok else '; expected a fraction (not % or mm), positive when shorter'))
@@ -291,7 +291,7 @@ def _judge_pressure(name: str, middle: float, noise: float, ambient: float,
         ok = -_AMBIENT * ambient < middle < _HIGHEST
         little = abs(middle) < _AMBIENT * ambient
         return Finding(ok, what, f'{seen} gauge' + (
-            '; expected Pa' if not ok else '; Pa or kPa cannot be told at rest: see that it '
+            '; expected Pa' if not ok else '; Pa or kPa cannot be determined at rest: see that it '
             'rises with the air' if little else ''), note=ok and little)
     ok = _ABSOLUTE < middle < _HIGHEST + ambient
     hint = ('' if ok else '; FluidPressure is absolute: set pressure_is_gauge (here --gauge) for '

@@ -111,7 +111,7 @@ class _Work:
         # Other publishers are discovered a little later than the pressures.
         self._session.wait(0.3)
         if others := hand.others():
-            raise InputError(f"somebody else publishes {', '.join(others)}: end the controllers")
+            raise InputError(f"another node publishes {', '.join(others)}: end the controllers")
         if hand.stopped:
             raise InputError('the emergency stop is on: call e_stop_reset first')
         hand.begin()
@@ -163,12 +163,12 @@ class _Work:
         for i, channel in enumerate(hand.pressure):
             rise = self._unit.rise(channel)
             if channel.level() > min(early[i] + rise, _OPEN * self._supply):
-                hand.vent(f'mu{i + 1}/pressure rises with all valves told to shut: a valve hangs '
-                          'open, or leaks')
+                hand.vent(f'mu{i + 1}/pressure rises with all valves commanded to shut: a valve '
+                          'is stuck open, or leaks')
                 wait(0.0)
             elif early[i] > rise:
-                self._result.say(False, f'mu{i + 1} valve', 'reversed: told to exhaust, it was '
-                                 'open to the supply when that came')
+                self._result.say(False, f'mu{i + 1} valve', 'reversed: commanded to exhaust, it '
+                                 'was open to the supply when that came')
                 self._unit.left_out.add(i)
 
     def _above_ambient(self, channel: Channel) -> float:
@@ -183,7 +183,7 @@ class _Work:
         hand, fits = self._hand, list(self._fits.values())
         tube, gas = self._tube, [self._unit.gas(i) for i in self._units]
         conductance = float(np.mean([fit.conductance for fit in fits]))
-        how = 'as told; its ratio to the conductance is what counts'
+        how = 'as given; only its ratio to the conductance matters'
         if found := split_volume([fit.conductance for fit in fits], gas, tube):
             conductance, tube = found
             how = 'by motor units of different size'

@@ -116,7 +116,7 @@ class UnitProbe:
         risen = self.risen()
         if not risen:
             return True
-        self._result.say(False, f'mu{unit + 1} valve', f'reversed: told to exhaust, it fills '
+        self._result.say(False, f'mu{unit + 1} valve', f'reversed: commanded to exhaust, it fills '
                          f'{self._named(risen)}')
         self._dump()
         return False
@@ -179,12 +179,12 @@ class UnitProbe:
         if risen == [unit]:
             return command
         if risen:
-            self._result.say(False, f'{name} valve', f'told to fill, {self._named(risen)} rises: '
-                             'valves or pressure channels are exchanged')
+            self._result.say(False, f'{name} valve', f'commanded to fill, {self._named(risen)} '
+                             'rises: valves or pressure channels are exchanged')
         else:
-            self._result.say(False, f'{name} valve', f'told to fill by {command:.2f}, no pressure '
-                             f'rises by {self.rise(self._hand.pressure[unit]):.0f} of what '
-                             'comes: valve, hose, supply_enable, or the unit of the pressure')
+            self._result.say(False, f'{name} valve', f'commanded to fill by {command:.2f}, no '
+                             f'pressure rises by {self.rise(self._hand.pressure[unit]):.0f} of '
+                             'what comes: valve, hose, supply_enable, or the unit of the pressure')
         self._dump()
         return None
 

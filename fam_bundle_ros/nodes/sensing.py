@@ -183,7 +183,17 @@ class Sensing:
         return value
 
     def put(self, channel: str, stamp: int, value: Any) -> None:
-        """Take a value of a channel."""
+        """
+        Take a value of a channel.
+
+        Parameters
+        ----------
+        channel : str
+        stamp : int, ns
+            Time of the measurement.
+        value : object
+            In the units of the channel.
+        """
         if self._node.lock_step:
             if stamp > self._gate.stamp:
                 self._gate_since = time.monotonic()

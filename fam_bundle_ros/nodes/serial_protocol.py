@@ -204,14 +204,14 @@ def _sample(fields: list[str]) -> BoardSample:
 
 def _count(text: str) -> int:
     if not _COUNT.fullmatch(text) or int(text) >= WRAP:
-        raise GarbledLineError(f'{text!r} is no whole number from 0 to {WRAP - 1}')
+        raise GarbledLineError(f'{text!r} is not a whole number from 0 to {WRAP - 1}')
     return int(text)
 
 
 def _number(text: str) -> float:
     # float() alone would accept 1_0, blanks and infinity.
     if not _NUMBER.fullmatch(text):
-        raise GarbledLineError(f'{text!r} is no number')
+        raise GarbledLineError(f'{text!r} is not a number')
     return float(text)
 
 

@@ -10,7 +10,7 @@ from fam_bundle_ros.report.page import Page, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
 #: Column titles of `Figure.cells`.
-FIGURE_HEAD = ('what', 'measured', 'unit', 'peer', 'its value', 'ratio', 'target', '')
+FIGURE_HEAD = ('what', 'measured', 'unit', 'peer value', 'peer', 'ratio', 'target', '')
 
 
 def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:

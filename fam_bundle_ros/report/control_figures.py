@@ -40,7 +40,7 @@ def run(log: Log) -> go.Figure:
                                         hovertemplate=hover, **more), row=row, col=1)
 
     add(1, reached, 'reached', palette.CONTROLLERS[0], width=2.2)
-    add(1, log.reference[keep] * scale, 'asked for', plotting.INK, 'dash', 1.3)
+    add(1, log.reference[keep] * scale, 'reference', plotting.INK, 'dash', 1.3)
     add(2, log.error[keep] * scale, 'error', palette.CONTROLLERS[0], width=1.3,
         hover='%{y:.3f}', showlegend=False)
     drawing.add_hline(0.0, row=2, col=1, line={'color': palette.NEUTRAL['faint'].light,
@@ -49,7 +49,7 @@ def run(log: Log) -> go.Figure:
         colour, name = palette.recruitment_state(unit + 1), f'MU{unit + 1}'
         add(3, log.pressure[keep, unit] / 1e3, name, colour, hover='%{y:.1f} kPa',
             legendgroup=name)
-        add(3, log.setpoint[keep, unit] / 1e3, f'{name} asked for', colour, 'dot', 1.2,
+        add(3, log.setpoint[keep, unit] / 1e3, f'{name} setpoint', colour, 'dot', 1.2,
             '%{y:.1f} kPa', legendgroup=name, showlegend=False)
     _strip(drawing, log, keep)
     for row, title in ((1, what), (2, f'error ({what.partition("(")[2]}'), (3, 'pressure (kPa)'),
@@ -112,7 +112,7 @@ def compared(logs: Mapping[str, Log]) -> go.Figure:
     drawing = plotting.panels(2, 1, 480, shared_xaxes=True, row_heights=[0.6, 0.4],
                               vertical_spacing=0.05)
     keep = _thin(len(first.time))
-    drawing.add_trace(plotting.line(first.time[keep], first.reference[keep] * scale, 'asked for',
+    drawing.add_trace(plotting.line(first.time[keep], first.reference[keep] * scale, 'reference',
                                     plotting.INK, 'dash', 1.3), row=1, col=1)
     # the last one is drawn on top, in the colour of a single run
     for k, (name, log) in zip(reversed(range(len(logs))), logs.items(), strict=True):

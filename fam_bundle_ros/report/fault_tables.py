@@ -9,35 +9,34 @@ from typing import Any
 FAULT_HEAD = ('fault', 'runs', 'unsafe', 'harmless', 'safe', 'detected', 'detected after (s)',
               'safe after (s)', 'pressure (kPa)', 'force (N)', 'force off by (N)', 'came back',
               'enable refused')
-SOUND_HEAD = ('nothing is wrong', 'runs', 'false alarms', 'simulated (s)', 'pressure (kPa)')
-PROCESS_HEAD = ('node', 'what happened to it', 'verdict', 'detected after (s)', 'safe after (s)',
-                'pressure (kPa)', 'force (N)', 'came back', 'after it, enable')
+SOUND_HEAD = ('without a fault', 'runs', 'false alarms', 'simulated (s)', 'pressure (kPa)')
+PROCESS_HEAD = ('node', 'event', 'verdict', 'detected after (s)', 'safe after (s)',
+                'pressure (kPa)', 'force (N)', 'came back', 'enable afterwards')
 
 _MEANING = """\
-# Faults: what the controllers notice
+# Faults: what the controllers detect
 
 Written by `fam_bundle benchmark-faults {options}--out docs/results/faults.md`; do not edit.
 
 Each row is one fault on a simulated rig with {supply:.0f} kPa and neither a trip nor a relief
-valve of its own, so that what is shown is what the controllers do. The fault strikes in the
-middle of each phase ({phases})
-under each policy ({policies}), stays for {lasts:g} s and is
+valve of its own, so that only the controllers act. The fault occurs in the middle of each phase
+({phases})
+under each policy ({policies}), lasts for {lasts:g} s and is
 repaired. Figures are the worst of all runs; the worst fault comes first.
 
-- **unsafe**: the true pressure went above {pressure:.0f} kPa (the controllers' trip of {trip:.0f}
-  kPa and what flows in during two control periods at {rate:g} Hz, at most the {relief:.0f} kPa
+- **unsafe**: the true pressure exceeded {pressure:.0f} kPa (the controllers' trip of {trip:.0f}
+  kPa plus the inflow of two control periods at {rate:g} Hz, at most the {relief:.0f} kPa
   at which a relief valve opens), the load reached its end stop, a latch left a valve open for
-  more than 50 ms, air came back without `enable` after a latch or a loss of 2 s, or `enable`
+  more than 50 ms, a unit filled without `enable` after a latch or a loss of 2 s, or `enable`
   was accepted while a unit was above the trip.
-- **harmless**: nobody noticed, and nothing left its limits. *Force off by* says what the task
-  lost meanwhile.
-- **safe**: noticed, and nothing left its limits. *Detected after*: a node left ACTIVE. *Safe
+- **harmless**: not detected, and within all limits. *Force off by* is the largest force error.
+- **safe**: detected, and within all limits. *Detected after*: a node left ACTIVE. *Safe
   after*: all valves exhaust, or the supply is cut. Both count from the fault.
 
-What is run: the nodes `recruitment_controller`, `pressure_pid` and `plant_simulator` on real ROS
+The runs use the nodes `recruitment_controller`, `pressure_pid` and `plant_simulator` on real ROS
 in one process, in lock-step (simulated time, the same result each time). Faults of messages (late,
-lost) are run in wall time, with one policy. In the phase *enabled* somebody calls `enable` while
-the fault is still there, {pressed:g} s after it struck.
+lost) are run in wall time, with one policy. In the phase *enabled*, `enable` is called during the
+fault, {pressed:g} s after its onset.
 """
 
 
@@ -71,15 +70,15 @@ def markdown(result: Mapping[str, Any]) -> str:
                                 'policies': ', '.join(words['policies'])}),
              '\n', _rows(FAULT_HEAD, map(fault_cells, result['faults'])),
              '\n## False alarms\n\n',
-             'Nothing is wrong in these runs; `work` is sines up to 2 Hz on transitions between '
+             'These runs have no fault; `work` is sines up to 2 Hz on transitions between '
              'motor units.\n\n', _rows(SOUND_HEAD, map(sound_cells, result['sound']))]
     if result.get('processes'):
         parts += ['\n## Nodes that are killed, stopped and started again\n\n',
-                  'One process for each node, in wall time, both motor units at a force that '
-                  'is held; the time-outs of sensors, setpoints and commands are 0.5 s here, for '
-                  'machines that are busy. Detected after: a valve exhausts, or the supply is '
-                  'shut. Enable: what the service answers in the end; accepted is unsafe too '
-                  'while a pressure loop or the rig is gone. Pressures are those of sound '
+                  'One process for each node, in wall time, both motor units at a constant '
+                  'force; the time-outs of sensors, setpoints and commands are 0.5 s here, for '
+                  'busy machines. Detected after: a valve exhausts, or the supply is shut. '
+                  'Enable: the final answer of the service; accepted is also unsafe while a '
+                  'pressure loop or the rig has ended. Pressures are those of healthy '
                   'sensors.\n\n',
                   _rows(PROCESS_HEAD, map(process_cells, result['processes']))]
     return ''.join(parts)

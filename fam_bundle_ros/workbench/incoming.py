@@ -177,6 +177,16 @@ class Incoming:
         Set quantity, unit and sign of one column.
 
         If another column had this quantity, it loses it.
+
+        Parameters
+        ----------
+        column : Column
+        among : sequence of Column
+            All columns of the file.
+        quantity, unit : str, optional
+            New values; unchanged by default.
+        turned : bool, optional
+            Whether the sign is inverted.
         """
         new = column.quantity if quantity is None else quantity
         if column.quantity and column.quantity != new:

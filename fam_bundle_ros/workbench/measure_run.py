@@ -180,9 +180,9 @@ def reason(lines: list[str]) -> str:
     return lines[-1].removeprefix('fam_bundle: ') if lines else 'it ended without a message'
 
 
-def model_file(told: str) -> str:
+def model_file(name_or_path: str) -> str:
     """Return the path of a model as nodes find it; InputError if it does not exist."""
     try:
-        return str(shipped_or_own(told, 'models').absolute())
+        return str(shipped_or_own(name_or_path, 'models').absolute())
     except InputError as error:
         raise InputError(f'{error}; expected the model file of the controller') from None

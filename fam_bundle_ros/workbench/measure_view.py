@@ -117,7 +117,7 @@ class MeasureView:
     # --- what a user does ----------------------------------------------------------------------
 
     def _measure(self) -> None:
-        self._want(lambda: Order.new(self._file(), self._told_model(), self.rig.namespace))
+        self._want(lambda: Order.new(self._file(), self._controller_model(), self.rig.namespace))
 
     def _go_on(self) -> None:
         before = self.rig.measurement.order
@@ -158,12 +158,12 @@ class MeasureView:
         path = Path(self._name)
         return str(path.absolute()) if path.is_file() else self._name
 
-    def _told_model(self) -> str:
-        told = self._model or str(self.rig.record.state.get('file') or '')
-        if not told:
+    def _controller_model(self) -> str:
+        name_or_path = self._model or str(self.rig.record.state.get('file') or '')
+        if not name_or_path:
             raise InputError('which model does the controller use? No model_monitor is running: '
                              'enter its file above')
-        return model_file(told)
+        return model_file(name_or_path)
 
     async def _open(self) -> None:
         """Open the recording with the model of the controller, to compare and diagnose."""

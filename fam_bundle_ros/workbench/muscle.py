@@ -93,7 +93,7 @@ class MuscleForm:
 
     @property
     def problem(self) -> str:
-        """What is missing or wrong, '' for nothing."""
+        """What is missing or invalid; an empty string if the input is valid."""
         try:
             self.bundle()
         except InputError as error:

@@ -59,12 +59,12 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
                       lambda t: level, lambda t: 0.0, Dynamometer(middle), imposed, prepare=1.0)
     runs: list[Log] = []
     for k, (model, name) in enumerate(((old, 'the old model'), (new, 'the new model'))):
-        def told(t: float, k: int = k, name: str = name) -> None:
+        def report(t: float, k: int = k, name: str = name) -> None:
             progress(0.5 * (k + (t + 1.0) / (seconds + 1.0)), f'the controller has {name}')
 
-        told(-1.0)
+        report(-1.0)
         # compiling a new model would take longer than this simulation
-        runs.append(ClosedLoop(new, model, seed=1, compiled=False).run(task, told))
+        runs.append(ClosedLoop(new, model, seed=1, compiled=False).run(task, report))
     words = (f'The task: hold {level:.0f} N while the strain swings between {100 * low:.0f} and '
              f'{100 * high:.0f} % every two seconds. The simulated muscle is the new model, '
              f'{muscle_words(new)}.')

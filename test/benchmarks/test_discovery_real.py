@@ -59,5 +59,5 @@ def test_a_measured_muscle_is_explained_better_than_by_six_free_numbers(shipped)
 def test_a_folder_without_models_fails(tmp_path):
     """A measurement alone cannot be judged: the folder is named, and what it needs."""
     (tmp_path / 'run.csv').write_text('strain,pressure [kPa],force [N]\n')
-    with pytest.raises(InputError, match=r'NAME\.model\.yaml beside'):
+    with pytest.raises(InputError, match=r'with a model NAME\.model\.yaml'):
         measured(tmp_path)

@@ -137,7 +137,7 @@ def test_the_python_of_the_readme_runs(repository, tmp_path, monkeypatch, capsys
 def test_readme_and_site_have_the_same_worst_cases(repository):
     """The table of the README stands in the site's results too: one is not renewed alone."""
     tables = [re.findall(r'^\|.* \|$', (repository / page).read_text().split(
-        '| what was tried', 1)[1].split('\n\n')[0], re.M)
+        '| test | worst', 1)[1].split('\n\n')[0], re.M)
         for page in ('README.md', 'docs/results/index.md')]
     assert len(tables[0]) > 3
     assert tables[0] == tables[1]

@@ -219,8 +219,8 @@ def test_a_running_rig_is_enabled_measured_and_left_vented(rig, domain_id, tmp_p
         other = threading.Thread(target=send)
         other.start()
         try:
-            # Who is not heard in time is heard once it has begun, and stops it.
-            with pytest.raises((InputError, Stopped), match='else sends .*reference/force'):
+            # A sender that is not detected before the experiment stops it when detected.
+            with pytest.raises((InputError, Stopped), match='other node sends .*reference/force'):
                 measure(SHORT, tmp_path / 'no.csv', paper_bundle, rig=True, domain=domain_id)
         finally:
             over.set()

@@ -162,10 +162,10 @@ def test_a_force_beyond_the_limit_stops_and_a_spike_does_not():
 
 def test_a_rig_or_a_controller_that_does_not_follow_stops_it():
     """A leak, a dynamometer that stands still, a controller that is off, readings lost."""
-    assert stopped('pressure is .* was asked for 20 s ago',
+    assert stopped('pressure is .* is the setpoint since 20 s',
                    lambda seen: change(seen, pressure=(0.8 * seen.pressure[0],))) == {}
     assert stopped('the dynamometer does not follow', lambda seen: change(seen, strain=0.1)) == {}
-    assert stopped('the controller asks for 0.0 kPa, not for 50.0 kPa',
+    assert stopped('the setpoint is 0.0 kPa instead of 50.0 kPa',
                    lambda seen: change(seen, setpoint=(0.0,))) == {}
     lost = stopped('segment 2: no whole sample for', lambda seen: change(
         seen, force=math.nan) if seen.time > 9.0 else seen)

@@ -424,7 +424,7 @@ def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
     graph.advance(rig, 2.5)
     assert node._off_target.text == ''
     graph.advance(rig, 1.5)
-    graph.until(lambda: warned('asked for is 400 N, for'), 'the warning')
+    graph.until(lambda: warned('reference is 400 N, for'), 'the warning')
     assert 'off target' in node._said
     graph.advance(rig, 2.5)
     assert node._off_target.text == ''

@@ -66,7 +66,7 @@ def test_a_rig_is_probed(simulator, bundle, domain_id, tmp_path):
 
     simulator(faults__units='mu1/pressure=kPa', faults__gain='mu2/pressure=0.5',
               command_timeout=10.0)
-    assert_says(probe(), 'mu1 valve: told to fill by', r'mu2 scale: shows (59\.[89]|60)',
+    assert_says(probe(), 'mu1 valve: commanded to fill by', r'mu2 scale: shows (59\.[89]|60)',
                 'mu2 watchdog: stays at')
     simulator(faults__units='', faults__gain='force=-1.0', faults__leak='mu1=0.3',
               command_timeout=0.1, supply_timeout=10.0)
@@ -76,7 +76,7 @@ def test_a_rig_is_probed(simulator, bundle, domain_id, tmp_path):
     assert_says(probe(), 'vented: supply/pressure shows')
     simulator(faults__supply=1.0, faults__exchanged_valves='mu1=mu2')
     # mu1's command goes to mu2's valve, which is in order; the other way it is reversed.
-    assert_says(probe(), 'mu1 valve: reversed', 'mu2 valve: told to fill')
+    assert_says(probe(), 'mu1 valve: reversed', 'mu2 valve: commanded to fill')
     with pytest.raises(InputError, match='supply is 600 kPa; expected a low one'):
         probe_rig(bundle, 600e3, domain=domain_id)
 

@@ -268,7 +268,7 @@ def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id
     findings = check_rig(seconds=1.0, domain=domain_id, patience=15.0)
     assert [str(f) for f in findings if not f.ok] == []
     text = '\n'.join(map(str, findings))
-    # Whatever the trajectory asks for at that moment: absolute, hence 101 kPa or more.
+    # The reference of the trajectory at that moment: absolute, hence 101 kPa or more.
     assert float(text.partition('mu2/pressure unit: ')[2].partition(' kPa')[0]) > 100.0
     assert ' N, noise ' in text
     assert record(tmp_path / 'bag', 1.5, domain=domain_id) > 500
@@ -320,8 +320,8 @@ def test_check_rig_says_what_is_wrong(domain_id):
     assert 'tension positive' in wrong['force unit and sign']
     assert 'not % or mm' in wrong['strain unit and sign']
     assert 'pressure_is_gauge' in wrong['mu1/pressure unit']
-    assert 'nobody listens' in wrong['mu1/valve_command']
-    assert 'nobody publishes it' in wrong['mu2/pressure']
+    assert 'no subscriber' in wrong['mu1/valve_command']
+    assert 'no publisher' in wrong['mu2/pressure']
     assert 'e_stop' in wrong
     latency = next(f for f in findings if f.what == 'mu1/pressure latency')
     assert ' ms, jitter ' in latency.detail
@@ -341,7 +341,7 @@ def test_check_rig_shows_latency_and_whether_the_clocks_agree(latency, verdict, 
 @pytest.mark.parametrize(('pressure', 'gauge', 'verdict', 'text'), [
     (101.3, False, 'FAIL', 'looks like kPa, expected Pa'),
     (180.0, False, 'FAIL', 'pressure_is_gauge'),
-    (180.0, True, 'note', 'cannot be told at rest'),
+    (180.0, True, 'note', 'cannot be determined at rest'),
     (150e3, True, 'ok', '150.0 kPa, noise 0.00 kPa gauge'),
     (101.4e3, True, 'FAIL', 'looks absolute'),
     (101.4e3, False, 'ok', '101.4 kPa absolute'),

@@ -45,7 +45,7 @@ def test_a_hidden_effect_is_noticed_named_and_brought_into_the_model(watched, pi
         # a busy page shows the last answer on; asked twice, the second is that it is in use
         page.wait_for_function("""window.emptied && document.querySelector(
             '[data-mark="live:told"]').innerText""")
-        if 'ask again in a second' not in told.inner_text():
+        if 'try again in a second' not in told.inner_text():
             break
         # the controller still compiles the new model
         page.wait_for_timeout(1000)
