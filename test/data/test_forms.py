@@ -645,3 +645,15 @@ def test_a_column_may_have_another_sign_before_decimals_than_the_others(
     (tmp_path / 'a.csv').write_text(text([HEAD.replace(',', separator)], rows, separator))
     data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
     assert np.allclose(data.force, log['force'], atol=0.006)
+
+
+def test_text_in_a_sheet_may_group_thousands_by_points(log, tmp_path):
+    """Cells that a German program wrote as text: '1.013,25'."""
+    import openpyxl
+    book = openpyxl.Workbook()
+    book.active.append(HEAD.replace('force [N]', 'force [mN]').split(','))
+    for row in cells(log, ','):
+        force = f'{1e3 * float(row[3].replace(",", ".")):,.1f}'
+        book.active.append([*row[:3], force.translate(str.maketrans(',.', '.,'))])
+    book.save(tmp_path / 'a.xlsx')
+    same(read_measurement(tmp_path / 'a.xlsx', rest_length=REST), log)
