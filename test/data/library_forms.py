@@ -108,6 +108,16 @@ def by_savemat_simulink(log, path):
                        'values': 1e3 * REST * (1 - log['strain'][:, None]), 'label': 'length'}}})
 
 
+def by_savemat_to_workspace(log, path):
+    """Write a .mat as blocks To Workspace do: a structure with its time for each signal."""
+    from scipy.io import savemat
+    savemat(path, {name: {'time': log['time'], 'signals': {'values': values, 'label': label}}
+                   for name, label, values in (
+                       ('force', 'force [N]', log['force']),
+                       ('p', 'p [bar]', log['pressure'] / 1e5),
+                       ('x', 'length [mm]', 1e3 * REST * (1 - log['strain'])))})
+
+
 def by_savemat_dspace(log, path):
     """Write a .mat as dSPACE does: X and Y of channels with a name, data and a unit."""
     from scipy.io import savemat
@@ -273,6 +283,7 @@ LIBRARIES = {
         log, path)),
     'scipy.io.savemat of trials': ('a.mat', by_savemat_trials),
     'scipy.io.savemat of Simulink logs': ('a.mat', by_savemat_simulink),
+    'scipy.io.savemat of To Workspace': ('a.mat', by_savemat_to_workspace),
     'scipy.io.savemat of dSPACE channels': ('a.mat', by_savemat_dspace),
     'scipy.io.savemat of a Simulink scope': ('a.mat', by_savemat_scope),
     'scipy.io.savemat of a struct for each run': ('a.mat', by_savemat_runs),

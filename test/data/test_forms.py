@@ -634,3 +634,26 @@ def test_a_cover_sheet_and_a_head_of_merged_cells_are_heard(log, tmp_path):
     data = read_measurement(tmp_path / 'a.xlsx')
     same(data, log)
     assert data.time is not None
+
+
+@pytest.mark.parametrize(('separator', 'odd', 'decimal'), [(';', ',', '.'), (';', '.', ',')])
+def test_a_column_may_have_another_sign_before_decimals_than_the_others(
+        log, tmp_path, separator, odd, decimal):
+    """Taken for a sign of groups, 12,5 N would be read as 125 N without a word."""
+    rows = [[*(cell.replace('.', decimal) for cell in row[:3]),
+             f'{float(row[3]):.2f}'.replace('.', odd)] for row in cells(log)]
+    (tmp_path / 'a.csv').write_text(text([HEAD.replace(',', separator)], rows, separator))
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    assert np.allclose(data.force, log['force'], atol=0.006)
+
+
+def test_text_in_a_sheet_may_group_thousands_by_points(log, tmp_path):
+    """Cells that a German program wrote as text: '1.013,25'."""
+    import openpyxl
+    book = openpyxl.Workbook()
+    book.active.append(HEAD.replace('force [N]', 'force [mN]').split(','))
+    for row in cells(log, ','):
+        force = f'{1e3 * float(row[3].replace(",", ".")):,.1f}'
+        book.active.append([*row[:3], force.translate(str.maketrans(',.', '.,'))])
+    book.save(tmp_path / 'a.xlsx')
+    same(read_measurement(tmp_path / 'a.xlsx', rest_length=REST), log)

@@ -18,7 +18,7 @@ MEANT = {
     'Pa': {'pascal': 'Pa N/m2 N/m^2 N/m²', 'hectopascal': 'hPa',
            'kilopascal': 'kPa キロパスカル 千帕',
            'megapascal': 'MPa N/mm2 N/mm²', 'newton/cm**2': 'N/cm2', 'bar': 'bar', 'mbar': 'mbar',
-           'psi': 'psi lbf/in2 lb/in2', 'ksi': 'ksi', 'atm': 'atm',
+           'psi': 'psi psid lbf/in2 lb/in2', 'ksi': 'ksi', 'atm': 'atm',
            'kgf/cm**2': 'at kgf/cm2 kg/cm2 kp/cm2', 'torr': 'Torr mmHg', 'inHg': 'inHg',
            'cmH2O': 'cmH2O', 'cmH2O/10': 'mmH2O mmWS', 'cmH2O*2.54': 'inH2O',
            'cmH2O*100': 'mH2O mWS'},

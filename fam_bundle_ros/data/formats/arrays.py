@@ -127,6 +127,7 @@ class _Series(NamedTuple):
     clock: np.ndarray
     readings: np.ndarray
     unit: str = ''
+    label: str = ''
 
 
 def _filled_up(values: np.ndarray, rows: int) -> np.ndarray:
@@ -145,7 +146,7 @@ def _flat(values: Mapping[str, Any], prefix: str, depth: int) -> dict[str, Any]:
         channels = _channels([value]) if isinstance(value, Mapping) else {}
         series = _series(value) if isinstance(value, Mapping) else pairs.get(key)
         if series is not None:
-            flat[name] = series
+            flat[name if series.label in ('', *flat) else series.label] = series
         elif channels and not flat.keys() & channels:
             flat.update(channels)
         elif isinstance(value, Mapping) and depth:
@@ -175,6 +176,8 @@ _SERIES = ('time', 't', 'times'), ('data', 'y', 'value', 'values', 'signal')
 def _series(entry: Mapping[str, Any]) -> _Series | None:
     """Return the channel of a struct of one and its times; else None."""
     fields = {key.casefold(): value for key, value in entry.items()}
+    if isinstance(signal := fields.get('signals'), Mapping):  # a structure with time of Simulink
+        fields |= signal
     clock, values = (next((fields[key] for key in keys if isinstance(
         fields.get(key), (list, np.ndarray))), ()) for keys in _SERIES)
     clock, values = np.ravel(clock), np.ravel(values)
@@ -185,7 +188,9 @@ def _series(entry: Mapping[str, Any]) -> _Series | None:
         info, Mapping) else {}
     unit = next((found for found in (fields.get('units'), fields.get('unit'), inner.get('units'))
                  if isinstance(found, str)), '')
-    return _Series(clock.astype(float), values.astype(float), unit)
+    name = fields.get('label')
+    return _Series(clock.astype(float), values.astype(float), unit,
+                   name if isinstance(name, str) else '')
 
 
 #: Fields of a struct that holds one channel, as dSPACE and Simulink write them: name, unit.

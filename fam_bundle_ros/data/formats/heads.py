@@ -88,7 +88,7 @@ def interval_of(lines: Sequence[str]) -> float | None:
 
     Examples
     --------
-    >>> interval_of(['Delta : 0,02 sec']), interval_of(['Sample Interval,5e-2'])
+    >>> interval_of(['# Delta : 0,02 sec']), interval_of(['Sample Interval,5e-2'])
     (0.02, 0.05)
     >>> interval_of(['X,CH1,Start,Increment', 'Sequence,Volt,-1.0,2e-3'])
     0.002
@@ -128,5 +128,5 @@ def _cells(line: str) -> list[str]:
     """Return the cells of a line above a table: a comma behind a colon is one of decimals."""
     separator = next((sign for sign in '\t;' if sign in line), ',')
     whole = separator == ',' and re.search(r'[:=]\s*\d+,\d', line)
-    cells = [cell.strip(' "\r\n') for cell in ([line] if whole else line.split(separator))]
+    cells = [cell.strip(' "#%\r\n') for cell in ([line] if whole else line.split(separator))]
     return [cell for at, cell in enumerate(cells) if cell or any(cells[at:])]

@@ -88,19 +88,15 @@ def _read(path: Path, encoding: str) -> Table:
     dialect, skipped = sniff(path.name, head)
     names = unique(dialect.layout.names)
     with open(path, encoding=encoding, errors=errors) as stream:
-        blank = dialect.separator == _BLANK
         rows = _Rows(_lines(path.name, stream), skipped, dialect)
         decimal = '.' if dialect.decimal == dialect.separator else dialect.decimal
-        thousands: str | None = {',': '.', '.': ','}[dialect.decimal]
-        if thousands == dialect.separator or blank or decimal != dialect.decimal:
-            thousands = None
         try:
             pieces = []
             with warnings.catch_warnings(), pandas.read_csv(
                     rows, sep=dialect.separator, decimal=decimal, header=None,
                     names=range(dialect.layout.width), index_col=False, skipinitialspace=True,
                     na_values=list(layout.BLANKS), skip_blank_lines=False, quotechar='"',
-                    thousands=thousands, chunksize=200_000, low_memory=False,
+                    chunksize=200_000, low_memory=False,
                     on_bad_lines='error') as reader:
                 # remarks behind the first readings are not read
                 warnings.simplefilter('ignore', pandas.errors.ParserWarning)
@@ -150,10 +146,14 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     spaced = [isinstance(cell, str) and _SPACED.fullmatch(cell) is not None for cell in text]
     text = np.array([cell.replace(' ', '') if fits else cell for cell, fits in zip(text, spaced)],
                     object)  # 1 234,5
-    if decimal == ',':  # cells that pandas left as text keep their comma
-        text = np.array([cell.replace(',', '.') if isinstance(cell, str)
+    signed = [cell for cell in text if isinstance(cell, str)
+              and re.fullmatch(r'[-+\d.,eE]+', cell)]
+    fits = {sign: all(layout.is_number(cell, sign) for cell in signed) for sign in '.,'}
+    # a column may have another sign before decimals than the file: 12,5 beside 1.5
+    if fits[','] and not (decimal == '.' and fits['.']):
+        text = np.array([cell.replace('.', '').replace(',', '.') if isinstance(cell, str)
                          and layout.is_number(cell, ',') else cell for cell in text], object)
-    if any(spaced) and not (found := numbers(text))[1].any():
+    if not (found := numbers(text))[1].any():
         return found[0], unit
     return text, unit
 

@@ -139,5 +139,6 @@ def _column(cells: np.ndarray, decimal: str) -> np.ndarray:
         elif not layout.is_blank(text := _text(cell)):
             if not layout.is_number(text, decimal):
                 return np.array([_text(cell) for cell in cells], object)
-            values[i] = float(text.replace(',', '.') if decimal == ',' else text.replace(',', ''))
+            groups = '.' if decimal == ',' else ','
+            values[i] = float(text.replace(groups, '').replace(',', '.'))
     return values
