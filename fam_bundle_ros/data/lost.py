@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Readings that a sensor lost and the logger wrote all the same: the last one again, or a zero.
+Detect readings that a sensor lost and the logger filled in: with the last value, or a constant.
 
-They are said and not left out: a diagnosis would name effects for them.
+They are reported and not removed: a diagnosis could explain them as an effect.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-#: So rarely does a stretch stand still by chance, per log, that it is spoken of.
+#: Probability per log that a stretch of constant force is reported by chance.
 _CHANCE = 1e-6
-#: The share of a channel's steps that are usual ones.
+#: Quantile up to which the steps of a channel count as usual.
 _USUAL = 0.9
 
 
 def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np.ndarray,
                 ) -> np.ndarray:
     """
-    Return the rows, (T,) bool, that hold one number which a channel jumps to and comes back from.
+    Return the rows, (T,) bool, with a value that a channel jumps to and returns from.
 
-    All these jumps are larger than each other step of the channel, while the steps of the other
-    channels are usual ones: a muscle that is vented loses its force.
+    Each of these jumps is larger than all other steps of the channel, while the steps of the
+    other channels are usual ones: when a muscle is vented, its force falls as well.
 
     Parameters
     ----------
@@ -41,28 +41,38 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
     [2, 3]
     """
     step = np.where(within, np.abs(np.diff(values)), 0.0)
-    at = int(np.argmax(step))
-    for code in (values[at], values[at + 1]):
+    largest = int(np.argmax(step))
+
+    def jumps(code: float) -> np.ndarray:
+        """Return the steps to or from a value, (T - 1,) bool."""
         held = values == code
-        jump = within & (held[1:] != held[:-1])
-        other, beside = within & ~jump, np.where(held[1:], values[:-1], values[1:])[jump]
-        if not (beside > code).all() and not (beside < code).all():
-            continue  # it passes there
-        if 1 < held.sum() < 0.5 * len(held) and jump.sum() > 1 and other.any() and (
-                step[jump].min() > step[other].max()) and all(
-                    np.median((moved := np.abs(np.diff(each)))[jump]) <= np.quantile(
-                        moved[other], _USUAL) for each in others.values()):
+        return within & (held[1:] != held[:-1])
+
+    def unusual(channel: np.ndarray, jump: np.ndarray) -> bool:
+        moved = np.abs(np.diff(channel))
+        return bool(np.median(moved[jump]) > np.quantile(moved[within & ~jump], _USUAL))
+
+    # either end of the largest step, that with the larger jumps first
+    for code in sorted((values[largest], values[largest + 1]),
+                       key=lambda code: -float(step[jumps(code)].min(initial=np.inf))):
+        held, jump = values == code, jumps(code)
+        rest = within & ~jump
+        beside = np.where(held[1:], values[:-1], values[1:])[jump]
+        passes = beside.min(initial=np.inf) < code < beside.max(initial=-np.inf)
+        if (not passes and 1 < held.sum() < 0.5 * len(held) and jump.sum() > 1 and rest.any()
+                and step[jump].min() > step[rest].max()
+                and not any(unusual(each, jump) for each in others.values())):
             return held
     return np.zeros(len(values), bool)
 
 
-def stood_still(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> slice | None:
+def constant_force(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> slice | None:
     """
-    Return the rows in which the force stands still while the muscle moves; None for none.
+    Return the rows in which the force is constant while the muscle moves, or None.
 
-    Moving are the faster half of the steps. How often two forces of such a step are equal at
-    other forces says whether it is chance: a coarse converter repeats itself all the time. A
-    whole trial at one force is a weight.
+    The muscle moves in the faster half of the steps. The share of these steps with equal forces
+    elsewhere in the log gives the probability of such a stretch: with a coarse converter it is
+    high. A whole trial at one force is not reported: that is a weight.
 
     Parameters
     ----------
@@ -76,23 +86,34 @@ def stood_still(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> sl
     edge = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
     begin, end = edge[::2], edge[1::2]
     inside = np.concatenate([[False], within, [False]])
-    part = inside[begin] | inside[end + 1]
-    begin, end = begin[part], end[part]
+    part_of_trial = inside[begin] | inside[end + 1]
+    begin, end = begin[part_of_trial], end[part_of_trial]
     if not len(begin):
         return None
     count = np.concatenate([[0], np.cumsum(fast & same)])
     lengths = count[end] - count[begin]
-    at = int(np.argmax(lengths))
-    elsewhere = fast & (force[1:] != force[begin[at]])
+    longest = int(np.argmax(lengths))
+    elsewhere = fast & (force[1:] != force[begin[longest]])
+    # Laplace's rule of succession
     share = ((elsewhere & same).sum() + 1) / (elsewhere.sum() + 2)
-    if max(fast.sum(), 1) * share ** int(lengths[at]) >= _CHANCE:
+    if max(fast.sum(), 1) * share ** int(lengths[longest]) >= _CHANCE:
         return None
-    return slice(int(begin[at]), int(end[at]) + 1)
+    return slice(int(begin[longest]), int(end[longest]) + 1)
 
 
 def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force: np.ndarray,
                   trial: np.ndarray, rows: np.ndarray) -> list[str]:
-    """Return in words which readings of a log, SI units, its sensors may have lost."""
+    """
+    Return notes on readings of a log that its sensors have probably lost.
+
+    Parameters
+    ----------
+    strain, force : ndarray, shape (T,), 1 and N
+    pressure : mapping of str to ndarray, shape (T,), Pa
+        By name of the channel.
+    trial, rows : ndarray of int, shape (T,)
+        Trial of each row, and its number in the file.
+    """
     within = np.diff(trial) == 0
     channels = {'strain': strain, 'force': force, **pressure}
     notes = []
@@ -102,13 +123,13 @@ def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force:
         if held.any():
             at = int(np.argmax(held))
             notes.append(f'{label} jumps to {_shown(label, values[at])} and back in '
-                         f'{int(held.sum())} rows (first row {rows[at]}) while the others run '
-                         'on: lost readings? They are used')
-    still = stood_still(force, strain, within)
+                         f'{int(held.sum())} rows (first row {rows[at]}) while the other '
+                         'channels continue: lost readings? They are used')
+    still = constant_force(force, strain, within)
     if still is not None:
-        notes.append(f'the force stands still at {force[still.start]:.4g} N from row '
+        notes.append(f'the force is constant at {force[still.start]:.4g} N from row '
                      f'{rows[still.start]} to {rows[still.stop - 1]} while the muscle moves: is '
-                     'its sensor stuck, or beyond its range?')
+                     'its sensor stuck, or out of range?')
     return notes
 
 

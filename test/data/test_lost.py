@@ -51,11 +51,11 @@ def test_a_force_that_stands_still_while_the_muscle_moves_is_said(noisy, force, 
     """Unless its converter is so coarse that it does so all the time."""
     channels, said = noisy
     rows = (np.arange(240) >= 100) & (np.arange(240) < 125)
-    assert ('stands still' in said(force=force(channels['force'], rows))) == stuck
+    assert ('is constant' in said(force=force(channels['force'], rows))) == stuck
 
 
 def test_a_force_of_a_muscle_that_is_held_may_stand_still(noisy):
     """An isometric log between whose levels nothing changes has lost no reading."""
     _, said = noisy
     level = np.repeat([20.0, 50.0, 90.0], 80)
-    assert 'stands still' not in said(strain=np.full(240, 0.1), pressure=1e4 * level, force=level)
+    assert 'is constant' not in said(strain=np.full(240, 0.1), pressure=1e4 * level, force=level)

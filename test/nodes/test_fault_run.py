@@ -53,7 +53,7 @@ def test_run_is_judged_by_what_is_true_at_the_rig(domain_id, paper_bundle, fault
     case = Case(fault, phase, 'reversal_aware')
     rig = faults.rig_of(case)
     record = run_with_faults(paper_bundle, faults.trajectory_of(case, paper_bundle), rig,
-                             faults.told(case), seed=1, domain=domain_id)
+                             faults.node_parameters(case), seed=1, domain=domain_id)
     row = judge(case, record, Limits.of(paper_bundle, rig))
     assert row['verdict'] == verdict
     if fault == 'nothing':
@@ -70,7 +70,8 @@ def test_somebody_calls_enable_while_the_fault_is_there(domain_id, paper_bundle)
     case = Case('mu1 pressure drifts by -50 kPa/s', 'enabled', 'reversal_aware')
     rig = faults.rig_of(case)
     record = run_with_faults(paper_bundle, faults.trajectory_of(case, paper_bundle), rig,
-                             faults.told(case), enable_at=case.enable_at, domain=domain_id)
+                             faults.node_parameters(case), enable_at=case.enable_at,
+                             domain=domain_id)
     assert record['enable'] == 'refused'
     assert record['time'][-1] == pytest.approx(faults.END)
     row = judge(case, record, Limits.of(paper_bundle, rig))

@@ -45,7 +45,7 @@ def test_topics_become_records_and_orders_are_answered(graph, quiet, tmp_path):
     refused = answer(**{**friction, 'value': 'mesh'})
     assert (refused['name'], refused['success']) == ('hidden_effect', False)
     assert 'has mesh already' in refused['message']
-    assert 'no order' in answer(call='vent')['message']
+    assert 'is not an order' in answer(call='vent')['message']
     assert 'the pressure loop of mu1 is silent' in answer(call='enable')['message']
     # a dynamometer at rest, vented: neither strain nor pressure has changed
     assert not answer(call='diagnose')['success']

@@ -60,7 +60,7 @@ def test_the_figure_has_what_was_heard_and_gaps_for_the_rest():
 async def test_nobody_to_obey_and_bad_names_fail():
     """An order without a listener, and a namespace that is none, are told."""
     rig = LiveRig()
-    with pytest.raises(InputError, match='open the page anew'):
+    with pytest.raises(InputError, match='reload the page'):
         await rig.order(call='diagnose')
     with pytest.raises(InputError, match='expected a ROS name'):
         await rig.listen('/bundle; rm')
