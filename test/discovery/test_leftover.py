@@ -249,6 +249,8 @@ def test_a_table_is_recommended_where_rows_show_what_it_holds(sweeps, paper_musc
     found = recommend(paper_muscle, physics, joint, held, heard)
     assert (found.leftover is not None) == written
     assert found.held_out_N == (held.discrepancy if written else held.physics)
+    worse = replace(held, discrepancy=1.01 * held.physics)
+    assert recommend(paper_muscle, physics, joint, worse, heard).leftover is None
 
 
 def test_folds_are_whole_and_inner(sweeps, paper_muscle):

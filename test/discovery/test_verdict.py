@@ -104,6 +104,47 @@ def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
     assert best.names == chosen.names
 
 
+@pytest.mark.parametrize(('dead', 'worse', 'told'), [
+    ({'stribeck_friction': 2, 'coulomb_friction': 0}, 0.0, 'coulomb_friction'),
+    ({'stribeck_friction': 2, 'coulomb_friction': 0}, 0.6, 'stribeck_friction'),
+    ({'stribeck_friction': 1, 'coulomb_friction': 1}, 0.0, 'stribeck_friction'),
+    ({'stribeck_friction': 0, 'coulomb_friction': 0}, 0.0, 'stribeck_friction')])
+def test_down_to_the_noise_the_plainest_of_equally_probable_shapes_is_told(
+        search, monkeypatch, dead, worse, told):
+    """With fewer dead parameters, and an error on folds that noise (1 N a row) could hide."""
+    made = search(nothing=0.0, end_caps__stribeck_friction=30.0, coulomb_friction__end_caps=29.0)
+    priors = {name: tuple(Prior(f'{name}.{k}', 0.0, 1.0, 0.5, 1.0, 'log') for k in range(count))
+              for name, count in (('stribeck_friction', 4), ('coulomb_friction', 2))}
+    shape = {names: name for names in made.fits for name in priors if name in names}
+    for names, name in shape.items():
+        made.fits[names] = replace(made.fits[names], priors=priors[name])
+    made.best = made.fits[made.best.names]
+    made.fitter = SimpleNamespace(cells=replace(made.fitter.cells, noise=1.0), covariance=None,
+                                  without_discrepancy=lambda fit: fit)
+    for name, value in (
+            ('remaining_discrepancy', lambda *given: SimpleNamespace(total=0.0)),
+            ('is_dead', lambda fit: np.arange(len(fit.priors)) < dead[shape[fit.names]]),
+            ('held_out_physics', lambda fitter, fit: 1.0 + worse * (
+                'coulomb_friction' in fit.names))):
+        monkeypatch.setattr(choice, name, value)
+    found = changes(made.options, made.best.names)[::-1]  # not in the order of the alphabet
+    chosen, kept = choice.best_of_ties(made, made.best, found, {}, Choices())
+    assert [change.new for change in kept] == [told, 'end_caps']
+    assert told in chosen.names
+
+
+def test_a_shape_with_more_parameters_is_not_plainer(search, monkeypatch):
+    """However well the data determine each of them."""
+    made = search(nothing=0.0, stribeck_friction=29.0, coulomb_friction=30.0)
+    more = next(fit for names, fit in made.fits.items() if 'stribeck_friction' in names)
+    made.fits[more.names] = replace(more, priors=(*more.priors, more.priors[0]))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
+    monkeypatch.setattr(choice, '_dead', lambda fit, found: int('coulomb_friction' in fit.names))
+    monkeypatch.setattr(choice, 'held_out_physics', lambda fitter, fit: 1.0)
+    found = changes(made.options, made.best.names)
+    assert choice.plainest(made, made.best, found, Choices()) == (made.best, found)
+
+
 def trades(made, odds):
     """Return the trades of the best set in words, and what is tied one for one."""
     posterior = Posterior.of(made)
