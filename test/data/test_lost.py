@@ -64,7 +64,7 @@ def test_a_force_of_a_muscle_that_is_held_may_stand_still(noisy):
 @pytest.mark.parametrize('force', [
     lambda t: 0.5 * np.round(4.0 * np.random.default_rng(1).standard_normal(len(t))),
     lambda t: np.where(t == 50, 30.0, np.where(t == 150, 40.0, 0.0)),
-    lambda t: np.repeat([10.0, 20.0, 30.0, 20.0, 10.0, 10.0], 40)],
+    lambda t: np.repeat([10.0, 20.0, 30.0, 20.0, 10.0], [50, 40, 40, 40, 70])],
     ids=['a coarse and noisy cell', 'a slack muscle that is pulled twice', 'steps up and down'])
 def test_what_is_no_dropout_is_not_said(noisy, force):
     """Jumps as large as all others, a value held most of the time, and one that is passed."""
