@@ -43,6 +43,22 @@ def no_name_above_half(result):
             and all(entry.probability <= 0.5 for entry in result.ranking))
 
 
+def test_a_wrong_rest_length_is_named_and_not_a_gauge(paper_muscle):
+    """Lengths of a muscle that is 4 mm shorter than its model says, 0.3 N of noise."""
+    true_length = paper_muscle.length - 4e-3
+    strain, pressure = (grid.ravel() for grid in np.meshgrid(
+        np.linspace(0.0, 0.2, 9), np.linspace(0.0, 400e3, 7)))
+    force = paper_muscle.force(strain, pressure[:, None]) + np.random.default_rng(5).normal(
+        0.0, 0.3, len(strain))
+    data = read_measurement({'length [mm]': 1e3 * true_length * (1.0 - strain),
+                             'pressure [kPa]': pressure / 1e3, 'force [N]': force},
+                            rest_length=paper_muscle.length)
+    result = diagnose(paper_muscle, data, choices=ALONE)
+    assert result.shapes == ('strain_rest_length',)
+    excess = {each.key: each.value for each in result.parameters}['strain_rest_length.excess']
+    assert excess == pytest.approx(true_length / paper_muscle.length - 1.0, abs=0.005)
+
+
 # --- cases of a rig that shares no code with us ------------------------------------------------
 
 @pytest.fixture(scope='module')

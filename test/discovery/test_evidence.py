@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import multivariate_normal
 
-from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.data.measurement import build, Taken
 from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery.cells import reduce, unknown_direction
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
@@ -537,6 +537,15 @@ def test_an_end_effect_that_goes_with_length_needs_two_lengths(problem, paper_mu
     assert law not in {shape.name for shape in shapes_of('end_caps', paper_muscle)}
     several = Options.of(paper_muscle, cells, Choices(), lengths=2)
     assert tuple(sorted((law, 'bladder_elasticity', 'mesh'))) in several.further(several.own)
+
+
+def test_a_wrong_rest_length_is_offered_where_lengths_were_read(problem, paper_muscle):
+    """A strain that the file gives itself does not depend on the rest length of the model."""
+    cells, _, _ = problem
+    for quantity, offered in (('length', True), ('contraction', False), ('strain', False)):
+        read = replace(cells, data=replace(cells.data, taken=(Taken('x', quantity),)))
+        options = Options.of(paper_muscle, read, Choices())
+        assert ('strain_rest_length' in options.effects) is offered
 
 
 def test_the_covariance_is_the_sum_of_its_parts_by_their_definitions(problem):

@@ -175,8 +175,9 @@ class Law:
         True if it describes how a muscle resists compression.
     candidate : bool
         False if a diagnosis may not add it to a model.
-    needs_lengths : bool
-        True if muscles of one length cannot determine its parameters.
+    needs : {'', 'several lengths', 'length readings'}
+        What data must have before a diagnosis may add it: muscles of several lengths, or strains
+        that were calculated from readings of the muscle's length.
     leaves : tuple of str
         Kinds of shape (`KINDS`) in the residual of a model without the law.
     remedy : str
@@ -208,7 +209,7 @@ class Law:
     per_unit: bool = False
     pushes_back: bool = False
     candidate: bool = True
-    needs_lengths: bool = False
+    needs: str = ''
     leaves: tuple[str, ...] = ()
     remedy: str = ''
     look: tuple[str, str] = ('', 'solid')
