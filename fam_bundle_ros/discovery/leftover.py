@@ -17,7 +17,7 @@ import numpy as np
 
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.discovery.covariance import Hyper
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.surface import PRESSURES, STRAINS, Surface
 from fam_bundle_ros.model import Bundle
 

@@ -13,7 +13,7 @@ from fam_bundle_ros.discovery import rivals, templates
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, splits, squares_of_folds
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Options
