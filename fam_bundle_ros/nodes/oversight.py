@@ -27,7 +27,7 @@ from fam_bundle_ros.control.safety import (
     WatchConfig,
 )
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.nodes import interface, loops
+from fam_bundle_ros.nodes import loops
 from fam_bundle_ros.nodes.base import BundleNode, GAUGE
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.loops import PressureLoops
@@ -88,7 +88,8 @@ class Oversight:
         self.set_model(bundle)
         self._moved_from: dict[str, tuple[float, list[float]]] = {}
         self._lost_readings, self._lost_stop = LostTime(), LostTime()
-        self._stop_heard = True
+        #: Why a stop would not be noticed; empty while it would.
+        self._stop_unheard = ''
         self._enabled_at = 0.0
         self._alive = time.monotonic()
         self.loops = PressureLoops(node, bundle.n, self.latch)
@@ -222,17 +223,16 @@ class Oversight:
             self.latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s in all")
         if trouble := self.loops.troubled(patience):
             self.latch(LOST, f'{trouble}, for {patience:g} s in all')
-        if self._lost_stop.see(now, not self._stop_heard, patience):
-            self.latch(LOST, f'e_stop has no publisher any more, for {patience:g} s')
+        if self._lost_stop.see(now, bool(self._stop_unheard), patience):
+            self.latch(LOST, f'{self._stop_unheard}, for {patience:g} s')
 
     def _look_for_stop(self) -> None:
         """Detect that the emergency stop has lost its publisher."""
-        heard = self._node.publisher_count(interface.E_STOP) > 0
-        if self._stop_heard and not heard and self.guard.now.state is State.ACTIVE:
+        before, self._stop_unheard = self._stop_unheard, self.e_stop.unheard()
+        if self._stop_unheard and not before and self.guard.now.state is State.ACTIVE:
             self._node.get_logger().warning(
-                'e_stop has no publisher any more: is the emergency stop connected? Off after '
+                f'{self._stop_unheard}: is the emergency stop connected? Off after '
                 f"{self._node.p['resume_within']:g} s (resume_within)")
-        self._stop_heard = heard
 
     def notice_stop(self) -> None:
         """Exclude the time in which this process stood still from the pressure loops' silence."""
@@ -263,9 +263,8 @@ class Oversight:
         if self.e_stop.on:
             reasons.append(': '.join(part for part in ('the emergency stop is on',
                                                        self.e_stop.doubt) if part))
-        elif node.p['e_stop_required'] and not node.publisher_count(interface.E_STOP):
-            reasons.append('e_stop has no publisher (for a rig without one: e_stop_required '
-                           'false)')
+        elif node.p['e_stop_required'] and (unheard := self.e_stop.unheard()):
+            reasons.append(f'{unheard} (for a rig without one: e_stop_required false)')
         silent = self.loops.silent(self._patience)
         for unit, pressure in enumerate(self.pressure):
             watch, limit = self.watches[2 + unit], self._trip(unit)

@@ -259,7 +259,23 @@ def test_an_emergency_stop_that_nobody_publishes_any_more_ends_it(graph, rig):
     assert graph.set('recruitment_controller', resume_within=0.3)[0].successful
     graph.probe.destroy_publisher(button)
     vented(graph, rig)
-    assert 'e_stop has no publisher any more' in rig.node._guard.now.reason
+    assert 'e_stop has no publisher, for 0.3 s' in rig.node._guard.now.reason
+
+
+def test_enable_needs_an_emergency_stop_that_is_received(graph, rig):
+    """A publisher that is volatile, or has never sent, would stop nothing."""
+    rig = rig(enable=False, e_stop=False)
+    volatile = graph.probe.create_publisher(Bool, 'e_stop', 10)
+    graph.until(lambda: rig.node.publisher_count('e_stop') == 1, 'the publisher')
+    volatile.publish(Bool(data=True))
+    graph.until(lambda: rig.node._oversight.watches[2].age is not None, 'readings')
+    success, message = enabled(graph)
+    assert not success
+    assert 'e_stop has a publisher, but nothing was received: it must be reliable' in message
+    graph.probe.destroy_publisher(volatile)
+    button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+    button.publish(Bool(data=False))
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
 
 
 def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
