@@ -171,7 +171,7 @@ class Sensing:
 
     def _read_strain(self, message: JointState) -> tuple[float, float]:
         strain, rate = interface.read_strain(message, self._length)
-        if math.isnan(rate):
+        if not math.isfinite(rate):
             rate = self._rate.update(interface.stamp_ns(message.header.stamp), strain)
         return strain, rate
 
