@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Supervision by the recruitment controller: readings, pressure loops, own process; latches."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 import math
 import time
 
@@ -27,7 +27,7 @@ from fam_bundle_ros.control.safety import (
     WatchConfig,
 )
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.nodes import loops
+from fam_bundle_ros.nodes import interface, loops
 from fam_bundle_ros.nodes.base import BundleNode, GAUGE
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.loops import PressureLoops
@@ -73,12 +73,19 @@ class Oversight:
     e_stop : EmergencyStop
     pressure : list of float, Pa
         The last readings.
+    topics : tuple of str
+        Topics that have one publisher each: with two, two rigs or two controllers are mixed.
     """
 
     def __init__(self, node: BundleNode, bundle: Bundle, clock: Callable[[], float],
                  on_latch: Callable[[], None], on_e_stop: Callable[[], None]):
         self._node, self._clock, self._on_latch = node, clock, on_latch
         self._n = bundle.n
+        self.topics = (interface.FORCE, interface.STRAIN, interface.E_STOP,
+                       interface.SUPPLY_ENABLE,
+                       *(topic(unit + 1) for unit in range(bundle.n) for topic in (
+                           interface.pressure_topic, interface.setpoint_topic,
+                           interface.valve_topic)))
         self._limit = bundle.max_pressure.tolist()
         self.guard = Guard()
         self.watches = self._make_watches()
@@ -259,7 +266,7 @@ class Oversight:
 
         ``exhausted`` is the time since the supply was shut and all valves exhaust, s.
         """
-        node, reasons = self._node, []
+        node, reasons = self._node, crowded(self._node, self.topics)
         if self.e_stop.on:
             reasons.append(': '.join(part for part in ('the emergency stop is on',
                                                        self.e_stop.doubt) if part))
@@ -316,6 +323,12 @@ class Oversight:
 
     def _trip(self, unit: int) -> float:
         return trip_pressure(self._limit[unit], self._node.p['over_pressure_factor'])
+
+
+def crowded(node: BundleNode, topics: Iterable[str]) -> list[str]:
+    """Return in words which topics have more than one publisher."""
+    return [f'{count} publishers on {topic}; expected one' for topic in topics
+            if (count := node.publisher_count(topic)) > 1]
 
 
 def _silence(units: list[int]) -> str:

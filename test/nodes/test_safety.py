@@ -278,6 +278,18 @@ def test_enable_needs_an_emergency_stop_that_is_received(graph, rig):
     graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
 
 
+@pytest.mark.parametrize(('topic', 'kind'), [
+    ('mu1/pressure', FluidPressure), ('supply_enable', Bool), ('mu2/valve_command', JointState)])
+def test_enable_needs_one_rig_and_one_controller(graph, rig, topic, kind):
+    """A simulation that is started beside a rig, or a controller that was left running."""
+    rig = rig(enable=False)
+    other = graph.probe.create_publisher(kind, topic, 10)
+    graph.until(lambda: f'2 publishers on {topic}' in rig.node._oversight.refusal(), topic)
+    assert not enabled(graph)[0]
+    graph.probe.destroy_publisher(other)
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+
+
 def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
     """It cannot know what happened meanwhile."""
     rig = rig(sine)

@@ -32,9 +32,9 @@ def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
     assert sum(call > begin for call in calls) <= (time.monotonic() - begin) / 0.1 + 1
 
 
-@pytest.mark.parametrize('velocity', [[], [math.nan], [math.inf]])
-def test_a_velocity_that_is_no_number_is_as_good_as_none(graph, velocity):
-    """The strain is differentiated then; an infinite rate would vent the bundle for good."""
+@pytest.mark.parametrize('velocity', [[], [math.nan], [math.inf], [-math.inf], [100.0], [-1.1]])
+def test_a_velocity_that_no_muscle_has_is_as_good_as_none(graph, velocity):
+    """The strain is differentiated then, and the log says why: mm/s for a position in m?"""
     node = graph.add(BundleNode('rig', (*sensing.SPECS, *LISTENER), context=graph.context))
     heard = sensing.Sensing(node, 1, 0.1, lambda sample: None)
     for k in range(20):
@@ -43,6 +43,7 @@ def test_a_velocity_that_is_no_number_is_as_good_as_none(graph, velocity):
         strain, rate = heard._read_strain(message)
     assert strain == pytest.approx(0.19)
     assert rate == pytest.approx(1.0, rel=1e-6)
+    assert ('velocity' in node._said) == (velocity != [] and not math.isnan(velocity[0]))
 
 
 def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):
