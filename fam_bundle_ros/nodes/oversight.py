@@ -81,11 +81,11 @@ class Oversight:
                  on_latch: Callable[[], None], on_e_stop: Callable[[], None]):
         self._node, self._clock, self._on_latch = node, clock, on_latch
         self._n = bundle.n
-        self.topics = (interface.FORCE, interface.STRAIN, interface.E_STOP,
-                       interface.SUPPLY_ENABLE,
-                       *(topic(unit + 1) for unit in range(bundle.n) for topic in (
-                           interface.pressure_topic, interface.setpoint_topic,
-                           interface.valve_topic)))
+        units = range(1, bundle.n + 1)
+        self._readings = (interface.FORCE, interface.STRAIN, interface.SUPPLY,
+                          *map(interface.pressure_topic, units))
+        self.topics = (*self._readings, interface.E_STOP, interface.SUPPLY_ENABLE,
+                       *map(interface.setpoint_topic, units), *map(interface.valve_topic, units))
         self._limit = bundle.max_pressure.tolist()
         self.guard = Guard()
         self.watches = self._make_watches()
@@ -97,12 +97,14 @@ class Oversight:
         self._lost_readings, self._lost_stop = LostTime(), LostTime()
         #: Why a stop would not be noticed; empty while it would.
         self._stop_unheard = ''
+        #: Which readings have several publishers; empty for none.
+        self._second_rig = ''
         self._enabled_at = 0.0
         self._alive = time.monotonic()
         self.loops = PressureLoops(node, bundle.n, self.latch)
         self.e_stop = EmergencyStop(node, on_e_stop)
-        if node.p['e_stop_required'] and not node.lock_step:
-            node.every(loops.PERIOD, self._look_for_stop)
+        if not node.lock_step:
+            node.every(loops.PERIOD, self._look_at_publishers)
 
     def _make_watches(self) -> list[SensorWatch]:
         p = self._node.p
@@ -206,6 +208,8 @@ class Oversight:
         if not enabled:
             return
         self._look_for_loss()
+        if self._second_rig:
+            self.latch(OTHER, f'{self._second_rig}: a second rig or a simulation?')
         for watch in self.watches:
             if watch.cause:
                 self.latch(watch.cause, watch.reason)
@@ -233,8 +237,11 @@ class Oversight:
         if self._lost_stop.see(now, bool(self._stop_unheard), patience):
             self.latch(LOST, f'{self._stop_unheard}, for {patience:g} s')
 
-    def _look_for_stop(self) -> None:
-        """Detect that the emergency stop has lost its publisher."""
+    def _look_at_publishers(self) -> None:
+        """Detect a second rig, and an emergency stop that has lost its publisher."""
+        self._second_rig = '; '.join(crowded(self._node, self._readings))
+        if not self._node.p['e_stop_required']:
+            return
         before, self._stop_unheard = self._stop_unheard, self.e_stop.unheard()
         if self._stop_unheard and not before and self.guard.now.state is State.ACTIVE:
             self._node.get_logger().warning(
