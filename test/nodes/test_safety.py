@@ -290,6 +290,16 @@ def test_enable_needs_one_rig_and_one_controller(graph, rig, topic, kind):
     graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
 
 
+def test_a_second_rig_on_the_same_topics_ends_it(graph, rig):
+    """Its readings belong to other muscles, however much they look alike."""
+    rig = rig()
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    graph.probe.create_publisher(FluidPressure, 'mu2/pressure', 10)
+    vented(graph, rig)
+    assert rig.node._guard.word == 'OTHER'
+    assert '2 publishers on mu2/pressure' in rig.node._guard.now.reason
+
+
 def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
     """It cannot know what happened meanwhile."""
     rig = rig(sine)
@@ -336,6 +346,9 @@ def test_limits_are_not_raised_while_it_acts(graph, rig):
         assert not refused.successful
         assert 'it may be lowered from 1.15 and not set to 3' in refused.reason
         assert graph.set(node, over_pressure_factor=1.12)[0].successful
+    # beyond the noise and the delay that are told, no reading contradicts the inflow
+    for changes in ({'quiet_error': 50e3}, {'transport_delay': 0.5}):
+        assert 'is a limit' in graph.set('pressure_pid_mu1', **changes)[0].reason
     assert not graph.set('recruitment_controller', reference_timeout=0.0)[0].successful
     graph.call(SetBool, 'enable', SetBool.Request(data=False))
     graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
