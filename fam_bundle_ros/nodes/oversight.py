@@ -298,9 +298,9 @@ class Oversight:
             elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
                 reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
                                f'{kilopascals(pressure)}')
-        return '; '.join(reasons or self._force_contradiction())
+        return '; '.join(reasons or self.force_contradiction())
 
-    def _force_contradiction(self) -> list[str]:
+    def force_contradiction(self) -> list[str]:
         """Return why the force contradicts pressures below the trip."""
         limits = [self._trip(unit) for unit in range(self._n)]
         if not math.isfinite(self._force + self._strain + sum(self.pressure)):

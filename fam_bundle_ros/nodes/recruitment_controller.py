@@ -398,6 +398,10 @@ class RecruitmentNode(BundleNode):
         if self._off_target.text:
             report.add(WARN, self._off_target.text)
             self.say('off target', self._off_target.text, _REMIND)
+        for text in self._oversight.force_contradiction():
+            # A gauge that drifts slowly, or the model: no reason to stop, but to look.
+            report.add(WARN, text)
+            self.say('force', text, _REMIND)
         self._references.report(report)
         for text in crowded(self, (*self._oversight.topics, interface.REFERENCE_FORCE,
                                    interface.REFERENCE_STRAIN, interface.REFERENCE_PRESSURES)):
