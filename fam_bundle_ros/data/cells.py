@@ -10,12 +10,10 @@ import warnings
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.layout import is_blank, is_number
+from fam_bundle_ros.data.cell_text import begins_with_date, CLOCK, is_blank, is_number, number
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
-_CLOCK = re.compile(r'(?:(\d+) days?,?\s+)?(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+|:\d{3})?)\s*'
-                    r'([AaPp][Mm])?')
 _DAY = 86400.0
 
 
@@ -48,7 +46,7 @@ def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             values[i] = float(cell)
         except (TypeError, ValueError):
             if isinstance(cell, str) and is_number(cell):  # 1,234.5 or 1.5D+02
-                values[i] = float(re.sub('[dD]', 'e', cell.replace(',', '')))
+                values[i] = number(cell)
             else:
                 words[i] = True
     return values, words
@@ -94,7 +92,7 @@ def looks_like_time(column: np.ndarray) -> bool:
     if column.dtype.kind in 'mM':
         return True
     first = next((str(cell).strip() for cell in column if not blank(cell)), '')
-    return is_text(column) and bool(_CLOCK.fullmatch(first) or _is_date(first))
+    return is_text(column) and bool(CLOCK.fullmatch(first) or begins_with_date(first))
 
 
 def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -124,7 +122,7 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
     text = ['' if blank(cell) else str(cell).strip() for cell in column]
     filled = [i for i, cell in enumerate(text) if cell]
     values = np.full(len(text), np.nan)
-    matches = [_CLOCK.fullmatch(text[i]) for i in filled]
+    matches = [CLOCK.fullmatch(text[i]) for i in filled]
     if filled and all(matches):
         values[filled] = [_of_clock(match) for match in matches if match]
         clock = values[filled]
@@ -147,15 +145,10 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
             continue
         values[filled] = (stamps - stamps.iloc[0]).dt.total_seconds()
         return values
-    at = next((i for i, match in zip(filled, matches) if not match and not _is_date(text[i])),
+    at = next((i for i in filled if not (CLOCK.fullmatch(text[i]) or begins_with_date(text[i]))),
               filled[0] if filled else 0)
     raise InputError(f"{name}, row {rows[at]}: {header} is '{text[at][:40]}'; expected a number, "
                      'a date or a time of day')
-
-
-def _is_date(cell: str) -> bool:
-    return re.match(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}|\d{8}T\d{4}',
-                    cell) is not None
 
 
 def _day_first(cells: list[str]) -> bool:

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.column_names import dimension_of
 from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import dimension_of, recognise
 from fam_bundle_ros.errors import about, InputError
 
 #: Channels of one clock have at least this share of the readings of the slowest in common rows.
@@ -78,7 +78,7 @@ def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str
     """
     order = list(table.columns)
     clocks = [header for header in order if header == clock or same_name(header, clock)
-              and recognise(header, table.units.get(header, '')).quantity == 'time']
+              and table.meaning(header).quantity == 'time']
     return {key: max((one for one in clocks if order.index(one) < order.index(header)),
                      key=order.index, default=clock) for key, header in headers.items()}
 

@@ -3,8 +3,8 @@
 """
 From a table whose columns have names and units to a `Measurement` in SI units.
 
-`choosing` says which column is what; here readings become numbers, units SI, absolute pressures
-gauge, and lengths strain.
+`column_choice` decides which column is which quantity. Here cells become numbers, units become
+SI units, absolute pressures become gauge pressures, and lengths become strains.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data import checks, clocks
+from fam_bundle_ros.data.cell_text import is_number, is_statistic
 from fam_bundle_ros.data.cells import (
     blank,
     is_text,
@@ -26,22 +27,21 @@ from fam_bundle_ros.data.cells import (
     numbers,
     seconds,
 )
-from fam_bundle_ros.data.choosing import Choices
-from fam_bundle_ros.data.formats.heads import interval_of
-from fam_bundle_ros.data.formats.layout import is_number, is_statistic
-from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.guesses import guess_unit, time_unit
-from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
-from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.telling import Choice, with_sums
-from fam_bundle_ros.data.unit_names import is_unit, Unit, unit_of
-from fam_bundle_ros.data.vocabulary import (
+from fam_bundle_ros.data.column_choice import Choices
+from fam_bundle_ros.data.column_names import (
     absolute_of,
     likes,
     names_rest_length,
     recognise,
     rest_length_of,
 )
+from fam_bundle_ros.data.formats.heads import interval_of
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
+from fam_bundle_ros.data.missing_units import guess_unit, time_unit
+from fam_bundle_ros.data.recipe import Recipe
+from fam_bundle_ros.data.told_columns import Choice, with_sums
+from fam_bundle_ros.data.unit_names import is_unit, Unit, unit_of
 from fam_bundle_ros.errors import InputError
 
 #: What else a rest length is called above a table.
@@ -143,7 +143,7 @@ class _Reader:
         """Return the length that a length and a contraction beside it add up to."""
         parts = {}
         for header, column in self.table.columns.items():
-            match = recognise(header, self.table.units.get(header, ''))
+            match = self.table.meaning(header)
             unit = match.unit
             if match.quantity in ('length', 'contraction') and unit and unit.like == 'm':
                 parts[match.quantity] = numbers(column)[0] * unit.factor

@@ -22,7 +22,7 @@ import numpy as np
 
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
-from fam_bundle_ros.data.lost import what_was_lost
+from fam_bundle_ros.data.dropouts import what_was_lost
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.told import Told
 

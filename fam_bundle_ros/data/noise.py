@@ -24,7 +24,7 @@ from scipy.special import betainc, erf
 
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.rates import begins, ROBUST, spread
-from fam_bundle_ros.data.trials import trial_offsets
+from fam_bundle_ros.data.trial_offsets import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
 _LOOPS = 0.2

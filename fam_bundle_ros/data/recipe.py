@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from fam_bundle_ros.atomic import write_whole
+from fam_bundle_ros.data.column_names import QUANTITIES, recognise
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.vocabulary import QUANTITIES, recognise
 from fam_bundle_ros.errors import about, in_short, InputError
 from fam_bundle_ros.units import express, parse
 

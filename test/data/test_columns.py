@@ -13,10 +13,10 @@ from fam_bundle_ros.data import (
     taken_words,
     unit_names,
 )
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.layout import find_data
 from fam_bundle_ros.data.formats.text import split
 from fam_bundle_ros.data.grouping import pressure_levels
-from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.units import si_factor
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement, Recipe, taken_words
-from fam_bundle_ros.data.formats.layout import BLANKS
+from fam_bundle_ros.data.cell_text import BLANKS
 from fam_bundle_ros.errors import InputError
 
 from .instrument_forms import INSTRUMENTS

@@ -4,22 +4,24 @@
 
 import pytest
 
+from fam_bundle_ros.data.cell_text import (
+    in_groups,
+    is_blank,
+    is_number,
+    is_reading,
+    is_statistic,
+    with_unit,
+)
 from fam_bundle_ros.data.formats.layout import (
     are_units,
     counts_rows,
     find_data,
     find_names,
-    in_groups,
-    is_blank,
-    is_number,
-    is_reading,
     is_row,
-    is_statistic,
     may_name,
     moved_right,
     trimmed,
     with_bad_cells,
-    with_unit,
 )
 
 NAMES = ['time', 'strain', 'pressure', 'force']

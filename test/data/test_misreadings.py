@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement, taken_words
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.errors import InputError
 
 from .test_columns import ROWS, table

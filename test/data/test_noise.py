@@ -16,7 +16,7 @@ from fam_bundle_ros.data.noise import (
     second_differences,
     visit_cells,
 )
-from fam_bundle_ros.data.trials import trial_offsets
+from fam_bundle_ros.data.trial_offsets import trial_offsets
 
 
 def stepped(data, step):

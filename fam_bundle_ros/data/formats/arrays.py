@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import plain_columns, Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.cell_text import is_number
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.table import Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -52,13 +53,13 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
             header[cells[0]] = cells[1:]
             at += 1
             continue
-        if not layout.is_number(cells[0], decimal) and cells[0]:
+        if not is_number(cells[0], decimal) and cells[0]:
             names = unique(layout.trimmed(cells))
             trial += 1
         elif not any(cells):
             at += 1
             continue
-        begin = at + (not layout.is_number(cells[0], decimal) and bool(cells[0]))
+        begin = at + (not is_number(cells[0], decimal) and bool(cells[0]))
         end = begin
         while end < len(lines) and lines[end].strip() and not lines[end].startswith(
                 ('Channels', _END)):

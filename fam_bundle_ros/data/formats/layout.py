@@ -18,29 +18,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.cell_text import (
+    is_blank,
+    is_number,
+    is_reading,
+    is_statistic,
+    is_time,
+    with_unit,
+)
+from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.formats import heads
 from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
-from fam_bundle_ros.data.vocabulary import recognise, unit_text_of
 
-#: Cells that stand for no reading, in any case: blanks, what is no number in C and in Excel, and
-#: what instruments write beyond their range.
-BLANKS = ('', '-', '--', '---', '----', '\u2013', '.', '..', '...', '?', '*', '**', '***', '****',
-          '*****', 'nan', '-nan', '+nan', 'nan(ind)', '-nan(ind)', 'na', 'n/a', 'n.a.', 'null',
-          'none', 'nil', 'inf', '+inf', '-inf', 'infinity', '-infinity', '1.#ind', '-1.#ind',
-          '1.#qnan', '-1.#qnan', '1.#inf', '-1.#inf', '#n/a', '#nv', '#na', '#div/0!', '#value!',
-          '#wert!', '#ref!', '#bezug!', '#num!', '#zahl!', '#name?', '#null!', 'ol', '+ol', '-ol',
-          'o.l.', 'ovl', 'ovld', 'ovfl', 'over', 'overflow', 'overload', 'overrange', 'over range',
-          'underflow', 'underrange', 'out of range', 'missing', 'invalid', 'no data', 'nodata')
-_BLANKS = frozenset(BLANKS)
-_NUMBER = {
-    '.': re.compile(r'[-+]?(\d+(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),
-    ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
-}
-_CLOCK = re.compile(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}([T ]\S+.*)?|\d{8}T\S+|'
-                    r'(\d+ days?,? )?\d{1,3}:\d{2}(:\d{2})?([.,]\d+|:\d{3})?(\s*[AaPp][Mm])?')
-#: What calls a row a statistic of others.
-_STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
-                        r'range|mittelwert|mittel|summe|standardabw|moyenne|media)', re.I)
 #: Units of what is no reading of a muscle, in rows of units.
 _OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
     l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
@@ -56,57 +45,6 @@ class Layout(NamedTuple):
     first: int
     width: int
     note: str = ''
-
-
-def is_blank(cell: str) -> bool:
-    """Return whether a cell holds no reading."""
-    return cell.strip().casefold() in _BLANKS
-
-
-def is_number(cell: str, decimal: str = '.') -> bool:
-    """Return whether a cell holds a number, with this sign before its decimals."""
-    return _NUMBER[decimal].fullmatch(cell.strip()) is not None
-
-
-def is_statistic(cell: object) -> bool:
-    """Return whether a cell calls its row a statistic of others: 'Mean', 'Max.', 'Maximum'."""
-    return _STATISTIC.match(str(cell).strip()) is not None
-
-
-def in_groups(cells: Sequence[str], sign: str) -> bool:
-    """
-    Return whether a sign in a column groups thousands: '950' beside '1,013', never '1,5'.
-
-    Examples
-    --------
-    >>> in_groups(['950', '1,013'], ','), in_groups(['0,950', '1'], ',')
-    (True, False)
-    """
-    found = [cell.strip().lstrip('+-') for cell in cells if sign in cell]
-    return bool(found) and all(
-        re.fullmatch(rf'[1-9]\d{{0,2}}({re.escape(sign)}\d{{3}})+', cell) for cell in found
-        ) and any(re.fullmatch(r'[-+]?[1-9]\d{2}', cell.strip()) for cell in cells)
-
-
-def is_reading(cell: str, decimal: str = '.') -> bool:
-    """Return whether a cell holds a number, a date or a time of day."""
-    return is_number(cell, decimal) or _CLOCK.fullmatch(cell.strip()) is not None or (
-        with_unit(cell, decimal) is not None)
-
-
-def with_unit(cell: str, decimal: str = '.') -> tuple[str, str] | None:
-    """
-    Return number and unit of a cell that holds both, None for others.
-
-    Examples
-    --------
-    >>> with_unit('12.5 mm'), with_unit('run 2')
-    (('12.5', 'mm'), None)
-    """
-    match = re.fullmatch(r'([-+]?[\d.,]*\d)\s*([^\W\d_%][\w%/\u00b2^]*|%)', cell.strip())
-    if match and is_number(match[1], decimal) and is_unit(match[2]):
-        return match[1], match[2]
-    return None
 
 
 def trimmed(row: Sequence[str]) -> list[str]:
@@ -206,7 +144,7 @@ def may_name(cells: Sequence[str], width: int) -> bool:
     """Return whether a row has a word for each column, but for the first, and no readings."""
     used = trimmed(cells)
     return len(used) == width and not are_units(used) and not any(
-        is_number(cell) or is_blank(cell) and at or _CLOCK.fullmatch(cell)
+        is_number(cell) or is_blank(cell) and at or is_time(cell)
         for at, cell in enumerate(used))
 
 
@@ -232,7 +170,7 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
             if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or _of_columns(
                 row[:width]) or i + 1 < len(rows) and are_units(rows[i + 1][:width]))]
     near = heads.with_levels([(i, row) for i, row in near if not any(
-        is_number(cell) or _CLOCK.fullmatch(cell) for cell in row if len(cell) > 1)])
+        is_number(cell) or is_time(cell) for cell in row if len(cell) > 1)])
     if not near:
         return [f'column {i + 1}' for i in range(width)], {}, -1
     filled = [all(cell.strip() for cell in row) for _, row in near]

@@ -18,10 +18,10 @@ import numpy as np
 
 from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers, seconds
 from fam_bundle_ros.data.cells import labels as trial_labels
+from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
 from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.unit_names import is_unit
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS, words_of
 from fam_bundle_ros.errors import InputError
 
 #: What columns of signal names, readings and units are called, their words joined.
@@ -92,7 +92,7 @@ def wide(table: Table) -> Table:
 
 def _columns(table: Table) -> tuple[str, str, list[str]] | None:
     """Return the headers of signal names, of readings, and of the rest; None for other tables."""
-    known = {recognise(header, table.units.get(header, '')).quantity for header in table.columns}
+    known = set(table.quantities.values())
     if known & {'force', 'pressure'}:
         return None
     signals = {}
@@ -154,7 +154,7 @@ def _clock(table: Table, others: Sequence[str], rows: np.ndarray,
         column = table.columns[header][rows]
         if looks_like_time(column):
             dates[header] = seconds(table.name, header, column, table.rows[rows])
-        elif recognise(header, table.units.get(header, '')).quantity == 'time':
+        elif table.meaning(header).quantity == 'time':
             clocks[header] = numbers(column)[0]
     best = max([*dates, *clocks], default='', key=lambda header: len(np.unique(
         (dates | clocks)[header])))

@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.column_names import recognise, STRAINS
 from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.formats.titles import titles_of
-from fam_bundle_ros.data.guesses import time_unit
+from fam_bundle_ros.data.missing_units import time_unit
 from fam_bundle_ros.data.unit_names import unit_of
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS
 
 #: The name of a second column of one name.
 _AGAIN = re.compile(r'.* \(\d+\)')
@@ -104,7 +104,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
     InputError
         Where the unit of a clock cannot be told.
     """
-    known = [{header: recognise(header, table.units.get(header, '')) for header in table.columns}
+    known = [{header: table.meaning(header) for header in table.columns}
              for table in tables]
     clocks = [[header for header, match in each.items()
                if match.quantity == 'time' and match.score > 1] for each in known]
@@ -147,7 +147,7 @@ def _blocks(table: Table) -> Table | None:
     if len(blocks) < 2 or any(block != [f'{header} ({count})' for header in first]
                               for count, block in enumerate(blocks[1:], 2)):
         return None
-    known = {recognise(header, table.units.get(header, '')).quantity for header in first}
+    known = {table.meaning(header).quantity for header in first}
     if 'force' not in known or not known & set(STRAINS) or any(
             table.units.get(again, table.units.get(header)) != table.units.get(header)
             for block in blocks[1:] for header, again in zip(first, block)):
@@ -181,7 +181,7 @@ def _levels(table: Table) -> Table | None:
         return None
     (quantity, unit), = kinds
     rest = [header for header in table.columns if header not in levels]
-    known = {header: recognise(header, table.units.get(header, '')).quantity for header in rest}
+    known = {header: table.meaning(header).quantity for header in rest}
     beside = set(STRAINS) if quantity == 'pressure' else {'pressure'}
     if 'force' in known.values() or not beside & set(known.values()):
         return None

@@ -10,8 +10,8 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data.cells import looks_like_time, numbers, seconds
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table, unique
-from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 
 _SECONDS = re.compile(r'(.*?)[._/ ]?(?:tv_)?(?:sec|secs|seconds)', re.IGNORECASE)
@@ -50,7 +50,7 @@ def oldest_first(table: Table) -> Table:
     """Return a table whose newest row is the first turned round; others as they are."""
     some = np.unique(np.linspace(0, len(table.rows) - 1, _SOME).astype(int))
     for header, column in table.columns.items():
-        if recognise(header, table.units.get(header, '')).quantity != 'time' or len(some) < _SOME:
+        if table.meaning(header).quantity != 'time' or len(some) < _SOME:
             continue
         try:
             clock = (seconds(table.name, header, column[some], table.rows[some])

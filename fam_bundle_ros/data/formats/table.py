@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.column_names import Match, recognise, unit_text_of
 from fam_bundle_ros.errors import in_short, InputError
 
 #: Larger files are refused unread.
@@ -58,6 +59,19 @@ class Table:
         if not len(self.rows) and self.columns:
             count = len(next(iter(self.columns.values())))
             object.__setattr__(self, 'rows', np.arange(1, count + 1))
+
+    def meaning(self, header: str) -> Match:
+        """Return which quantity a column's header names, and its unit."""
+        return recognise(header, self.units.get(header, ''))
+
+    @property
+    def quantities(self) -> dict[str, str]:
+        """The quantity that each header names, '' for none."""
+        return {header: self.meaning(header).quantity for header in self.columns}
+
+    def unit_text(self, header: str) -> str | None:
+        """Return what stands for a column's unit, known or not; None for nothing."""
+        return self.units.get(header) or unit_text_of(header)
 
     def text_of(self, header: str, row: int) -> str:
         """Return what stands in a cell without a number, by what its row is called; or ''."""

@@ -22,13 +22,14 @@ import warnings
 
 import numpy as np
 
+from fam_bundle_ros.data.cell_text import BLANKS, in_groups, is_number, is_reading, with_unit
 from fam_bundle_ros.data.cells import numbers
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
-from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
@@ -95,7 +96,7 @@ def _read(path: Path, encoding: str) -> Table:
             with warnings.catch_warnings(), pandas.read_csv(
                     rows, sep=dialect.separator, decimal=decimal, header=None,
                     names=range(dialect.layout.width), index_col=False, skipinitialspace=True,
-                    na_values=list(layout.BLANKS), skip_blank_lines=False, quotechar='"',
+                    na_values=list(BLANKS), skip_blank_lines=False, quotechar='"',
                     chunksize=200_000, low_memory=False,
                     on_bad_lines='error') as reader:
                 # remarks behind the first readings are not read
@@ -138,7 +139,7 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     if all(part.dtype.kind in 'biuf' for part in parts):
         return np.concatenate([part.to_numpy(float) for part in parts]), unit
     text = np.concatenate([part.to_numpy(object) for part in parts])
-    first = layout.with_unit(next((cell for cell in text if isinstance(cell, str)), ''), decimal)
+    first = with_unit(next((cell for cell in text if isinstance(cell, str)), ''), decimal)
     if first and all(cell.rstrip().endswith(first[1]) for cell in text if isinstance(cell, str)):
         unit = first[1]  # each cell carries it: '12.5 mm'
         text = np.array([cell.rstrip()[:-len(unit)].strip() if isinstance(cell, str) else cell
@@ -148,11 +149,11 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
                     object)  # 1 234,5
     signed = [cell for cell in text if isinstance(cell, str)
               and re.fullmatch(r'[-+\d.,eE]+', cell)]
-    fits = {sign: all(layout.is_number(cell, sign) for cell in signed) for sign in '.,'}
+    fits = {sign: all(is_number(cell, sign) for cell in signed) for sign in '.,'}
     # a column may have another sign before decimals than the file: 12,5 beside 1.5
     if fits[','] and not (decimal == '.' and fits['.']):
         text = np.array([cell.replace('.', '').replace(',', '.') if isinstance(cell, str)
-                         and layout.is_number(cell, ',') else cell for cell in text], object)
+                         and is_number(cell, ',') else cell for cell in text], object)
     if not (found := numbers(text))[1].any():
         return found[0], unit
     return text, unit
@@ -252,7 +253,7 @@ class _Rows(io.TextIOBase):
         if line.count(self._separator) < width:
             return line
         cells = split(line, self._dialect.separator)
-        if len(cells) <= width or any(layout.is_number(cell, self._dialect.decimal)
+        if len(cells) <= width or any(is_number(cell, self._dialect.decimal)
                                       for cell in cells[:width]):
             return line
         return self._separator.join(cell.replace('"', '').replace(self._separator, ' ')
@@ -291,7 +292,7 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
             if first < 0 or width < 2:
                 continue
             rows = grid[first:]
-            readings = sum(layout.is_reading(cell, decimal) for row in rows for cell in row)
+            readings = sum(is_reading(cell, decimal) for row in rows for cell in row)
             # of equals the one whose sign before decimals is met
             # a footer of whole numbers alone is no table
             score = readings / max(len(rows), len(grid) // 2) + 0.5 * _decimals(rows, decimal)
@@ -302,7 +303,7 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     if dialect is None:
         if len(plain) == 1 and any(ch.isalpha() for ch in plain[0][1]):
             raise InputError(f'{name}: a header but no rows; expected measurements below it')
-        one = sum(layout.is_number(line) or layout.is_number(line, ',') for _, line in plain)
+        one = sum(is_number(line) or is_number(line, ',') for _, line in plain)
         raise InputError(f'{name}: ' + ('one column of numbers' if one > 0.5 * len(plain) else
                                         'no rows of numbers were found')
                          + '; expected a table with columns for strain (or length), pressure and '
@@ -351,9 +352,9 @@ def _named_columns(above: list[str], separator: str) -> Iterator[int]:
 def _decimals(rows: list[list[str]], decimal: str) -> float:
     """Return the share of cells with this sign before decimals, negative where it is of groups."""
     cells = [cell for row in rows for cell in row if cell.strip()]
-    share = sum(decimal in cell and layout.is_number(cell, decimal) for cell in cells) / max(
+    share = sum(decimal in cell and is_number(cell, decimal) for cell in cells) / max(
         len(cells), 1)
-    return -share if any(layout.in_groups(column, decimal) for column in zip(*rows)) else share
+    return -share if any(in_groups(column, decimal) for column in zip(*rows)) else share
 
 
 def split(line: str, separator: str) -> list[str]:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.cells import blank, is_text, numbers
+from fam_bundle_ros.data.column_names import absolute_of, recognise, words_of
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of
-from fam_bundle_ros.data.vocabulary import absolute_of, recognise, words_of
 
 _NUMBER = re.compile(r'(?<![\w.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?(?:abs|rel)\b\.?)?)(?!\w)')
 #: Words before a pressure that make it that of the rows below.
@@ -42,7 +42,7 @@ def titled(table: Table) -> Table:
 
     Each block of rows needs one, the first too.
     """
-    known = {recognise(header, table.units.get(header, '')).quantity for header in table.columns}
+    known = set(table.quantities.values())
     if 'pressure' in known or 'force' not in known:
         return table
     titles = titles_of(table)

@@ -12,10 +12,11 @@ import zipfile
 
 import numpy as np
 
+from fam_bundle_ros.data.cell_text import in_groups, is_blank, is_number, number
+from fam_bundle_ros.data.column_names import recognise, STRAINS
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other
 from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -101,7 +102,7 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     columns = {name: _column(values[begin:, j], decimal) for name, j in zip(names, used)}
     words = {(name, begin + 1 + i): text for name, j in zip(names, used)
              if columns[name].dtype.kind == 'f' for i, cell in enumerate(values[begin:, j])
-             if isinstance(cell, str) and layout.is_blank(text := cell.strip()) and text}
+             if isinstance(cell, str) and is_blank(text := cell.strip()) and text}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
     meant = {recognise(name, units.get(name, '')).quantity for name in names}
@@ -114,9 +115,9 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
 def _has_decimal_comma(column: np.ndarray) -> bool:
     """Return whether cells are text with decimal commas: '1,5', not '1,013.5' nor '1,013'."""
     cells = [cell for cell in column if isinstance(cell, str)]
-    found = [cell for cell in cells if ',' in cell and layout.is_number(cell, ',')]
-    return bool(found) and not layout.in_groups(cells, ',') and not any(
-        layout.is_number(cell) and '.' in cell for cell in cells)
+    found = [cell for cell in cells if ',' in cell and is_number(cell, ',')]
+    return bool(found) and not in_groups(cells, ',') and not any(
+        is_number(cell) and '.' in cell for cell in cells)
 
 
 def _word(words: dict[tuple[str, int], str], header: str, row: int) -> str:
@@ -136,9 +137,8 @@ def _column(cells: np.ndarray, decimal: str) -> np.ndarray:
     for i, cell in enumerate(cells):
         if isinstance(cell, (int, float)) and not isinstance(cell, bool):
             values[i] = cell
-        elif not layout.is_blank(text := _text(cell)):
-            if not layout.is_number(text, decimal):
+        elif not is_blank(text := _text(cell)):
+            if not is_number(text, decimal):
                 return np.array([_text(cell) for cell in cells], object)
-            groups = '.' if decimal == ',' else ','
-            values[i] = float(text.replace(groups, '').replace(',', '.'))
+            values[i] = number(text, decimal)
     return values

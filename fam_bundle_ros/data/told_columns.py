@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import re
 
 from fam_bundle_ros.data.cells import is_text
+from fam_bundle_ros.data.column_names import likes, QUANTITIES
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of, VOLTS
-from fam_bundle_ros.data.vocabulary import likes, QUANTITIES, recognise, unit_text_of
 from fam_bundle_ros.errors import InputError
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
@@ -76,7 +76,7 @@ def with_sums(table: Table, told: Mapping[str, str]) -> Table:
         one, other = (_header(table, parts[at])[0] for at in (1, 3))
         if not one or not other or is_text(columns[one]) or is_text(columns[other]):
             continue
-        unit, second = (table.units.get(header) or unit_text_of(header)
+        unit, second = (table.unit_text(header)
                         for header in (one, other))
         if unit != second:
             raise InputError(f"{table.name}: '{one}' is in {unit}, '{other}' in {second}; "
@@ -141,7 +141,7 @@ def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Cho
         header, unit_text = _header(table, words)
         if not header:
             continue
-        match = recognise(header, table.units.get(header, ''))
+        match = table.meaning(header)
         if unit is None:
             unit = match.unit
             if unit_text is None and (unit is None or unit.like not in likes(base)):
@@ -160,7 +160,7 @@ def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Cho
 def _worth(table: Table, base: str, told: re.Match[str]) -> Unit:
     """Return what one count of a column is worth: '* 50 N', or '* 50 N/V' of one in V or mV."""
     text, header = told['unit'] or '', _header(table, told['words'].removeprefix('-').strip())[0]
-    own = table.units.get(header) or unit_text_of(header) or ''
+    own = table.unit_text(header) or ''
     unit_text, _, per = text.rpartition('/')
     share = 1.0
     if per == own or {per, own} <= set(VOLTS):  # 'N/mm' is no force per anything

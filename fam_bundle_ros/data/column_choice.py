@@ -17,20 +17,19 @@ import numpy as np
 
 from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
 from fam_bundle_ros.data.clocks import same_name
-from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
-from fam_bundle_ros.data.measurement import Taken
-from fam_bundle_ros.data.telling import Choice, name_of, told_column
-from fam_bundle_ros.data.unit_names import ELECTRIC, Unit, unit_of
-from fam_bundle_ros.data.vocabulary import (
+from fam_bundle_ros.data.column_names import (
     absolute_of,
     dimension_of,
     likes,
     Match,
     recognise,
     STRAINS,
-    unit_text_of,
 )
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
+from fam_bundle_ros.data.measurement import Taken
+from fam_bundle_ros.data.told_columns import Choice, name_of, told_column
+from fam_bundle_ros.data.unit_names import ELECTRIC, Unit, unit_of
 from fam_bundle_ros.errors import InputError
 
 #: A name that stands among other words is taken only with a unit that fits.
@@ -155,7 +154,7 @@ class Choices:
 
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
         if not match.quantity and match.why == 'not known':
-            unit = (self.table.units.get(header) or unit_text_of(header) or '').strip()
+            unit = (self.table.unit_text(header) or '').strip()
             return 'text' if _mostly_text(column) else match.why if unit not in ELECTRIC else (
                 f'in {unit}: tell what one {unit} is worth')
         if not match.quantity or not match.score:
@@ -299,8 +298,8 @@ class Choices:
     def _misfit(self, key: str) -> str:
         """Return what to do about a column that has the name but not the unit; '' for none."""
         for header in self.refused:
-            match = recognise(header, self.table.units.get(header, ''))
-            text = self.table.units.get(header) or unit_text_of(header)
+            match = self.table.meaning(header)
+            text = self.table.unit_text(header)
             if match.score or not text or _family(match.quantity) != key:
                 continue
             told = _shown(match.quantity) + (f'.{match.part}' if match.part else '')
@@ -321,10 +320,10 @@ class Choices:
         for header, column in self.table.columns.items():
             if header not in self.refused or header == besides or _mostly_text(column):
                 continue
-            meant = recognise(header, self.table.units.get(header, '')).quantity
+            meant = self.table.meaning(header).quantity
             alike = _family(meant) == key
             told = _shown(meant) if alike else key
-            text = self.table.units.get(header) or unit_text_of(header)
+            text = self.table.unit_text(header)
             if text is None:
                 values = numbers(column)[0]
                 counts = not alike and (values[np.isfinite(values)] % 1.0 == 0.0).all()

@@ -10,6 +10,7 @@ supply rule a column out.
 
 from __future__ import annotations
 
+from functools import lru_cache
 import re
 from typing import NamedTuple
 
@@ -125,6 +126,7 @@ def words_of(name: str) -> list[str]:
     return re.findall(r'mu\d+|[^\W\d_]+|\d+', text)
 
 
+@lru_cache(maxsize=4096)
 def recognise(header: str, unit_text: str = '') -> Match:
     """
     Return which quantity a header names, and its unit.
