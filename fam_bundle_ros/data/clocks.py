@@ -22,6 +22,8 @@ _EVEN = 0.05
 #: Where counters begin anew, and how even the step is in which they do, as a share of the usual.
 _COUNTERS = 2.0 ** 16, *(2.0 ** 32 / count for count in (1, 1e3, 1e6)), 86400.0, 864e5
 _ANEW = 0.3
+#: Clocks of which only the seconds of the minute or of the hour are written, in s and ms.
+_DIALS = 60.0, 3600.0, 60e3, 3600e3
 
 
 def same_name(header: str, other: str) -> bool:
@@ -42,21 +44,28 @@ def run_on(clock: np.ndarray) -> tuple[np.ndarray, float]:
     """
     Return a clock that runs on where its counter began anew, and at how much that did; 0 for none.
 
-    Counters of 16 and 32 bits do, those of microseconds shown as ms or s too, and seconds of a
-    day.
+    Counters of 16 and 32 bits begin anew, also those of microseconds shown as ms or s, seconds of
+    a day, and the seconds of a minute or of an hour. A clock that restarts with each trial
+    restarts at the reading at which it first began: trials of just a minute are none of these.
 
     Examples
     --------
     >>> run_on(np.array([65500.0, 65520.0, 4.0, 24.0]))
     (array([65500., 65520., 65540., 65560.]), 65536.0)
+    >>> run_on(np.array([58.0, 59.0, 0.0, 1.0]))
+    (array([58., 59., 60., 61.]), 60.0)
     """
     known = np.flatnonzero(np.isfinite(clock))
-    steps = np.diff(clock[known])
+    readings = clock[known]
+    steps = np.diff(readings)
     if not (steps < 0.0).any() or not (steps > 0.0).any():
         return clock, 0.0
     usual = np.median(steps[steps > 0.0])
-    for period in _COUNTERS:
+    for period in (*_COUNTERS, *_DIALS):
         anew = (steps < 0.0) & (np.abs(steps + period - usual) < _ANEW * usual)
+        if period in _DIALS and not (0.0 <= readings.min() and readings.max() < period and (
+                np.abs(readings[1:][anew] - readings[0]) > usual).all()):
+            continue
         if anew.any():
             clock = clock.copy()
             clock[known[1:]] += period * np.cumsum(anew)

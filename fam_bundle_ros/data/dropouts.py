@@ -9,13 +9,11 @@ They are reported and not removed: a diagnosis could explain them as an effect.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import comb
 
 import numpy as np
 
-#: Probability per log that a stretch of constant force is reported by chance.
-_CHANCE = 1e-6
-#: Quantile up to which the steps of a channel count as usual.
-_USUAL = 0.9
+from fam_bundle_ros.data.rates import BY_CHANCE, FALSE_ALARM
 
 
 def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np.ndarray,
@@ -48,9 +46,12 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
         held = values == code
         return within & (held[1:] != held[:-1])
 
-    def unusual(channel: np.ndarray, jump: np.ndarray) -> bool:
-        moved = np.abs(np.diff(channel))
-        return bool(np.median(moved[jump]) > np.quantile(moved[within & ~jump], _USUAL))
+    def moves_too(channel: np.ndarray, jump: np.ndarray) -> bool:
+        """Return whether a channel's steps at the jumps are larger than those of chosen rows."""
+        moved, count = np.abs(np.diff(channel)), int(jump.sum())
+        larger = int((moved[within] >= moved[jump].min()).sum())
+        # in a short log only the largest steps of all can tell
+        return comb(larger, count) <= max(BY_CHANCE * comb(int(within.sum()), count), 1)
 
     # either end of the largest step, that with the larger jumps first
     for code in sorted((values[largest], values[largest + 1]),
@@ -61,7 +62,7 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
         passes = beside.min(initial=np.inf) < code < beside.max(initial=-np.inf)
         if (not passes and 1 < held.sum() < 0.5 * len(held) and jump.sum() > 1 and rest.any()
                 and step[jump].min() > step[rest].max()
-                and not any(unusual(each, jump) for each in others.values())):
+                and not any(moves_too(each, jump) for each in others.values())):
             return held
     return np.zeros(len(values), bool)
 
@@ -96,7 +97,7 @@ def constant_force(force: np.ndarray, strain: np.ndarray, within: np.ndarray) ->
     elsewhere = fast & (force[1:] != force[begin[longest]])
     # Laplace's rule of succession
     share = ((elsewhere & same).sum() + 1) / (elsewhere.sum() + 2)
-    if max(fast.sum(), 1) * share ** int(lengths[longest]) >= _CHANCE:
+    if max(fast.sum(), 1) * share ** int(lengths[longest]) >= FALSE_ALARM:
         return None
     return slice(int(begin[longest]), int(end[longest]) + 1)
 

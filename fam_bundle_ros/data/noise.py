@@ -23,15 +23,14 @@ import numpy as np
 from scipy.special import betainc, erf
 
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import begins, ROBUST, spread
+from fam_bundle_ros.data.rates import begins, BY_CHANCE, ROBUST, spread
 from fam_bundle_ros.data.trial_offsets import trial_offsets
 
 #: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
 _LOOPS = 0.2
-#: Two estimates differ where the noise of one is more than this many times the other's ...
+#: Two estimates differ where the noise of one is more than this many times the other's, and pairs
+#: of one noise would look like it at most as often as `rates.BY_CHANCE`.
 _MATTERS = 1.25
-#: ... and pairs of one noise would look like it at most this often.
-_BY_CHANCE = 0.01
 #: Strains closer than this are one.
 _ONE_STRAIN = 2e-4
 
@@ -172,11 +171,11 @@ def _chosen(values: np.ndarray, differences: float | None, repeats: float | None
     if differences is None:
         return NoiseFloor(repeats, None, repeats, visits, correlation, 'repeats')
     ratio = repeats / max(differences, np.finfo(float).tiny)
-    if _chance_of_less(ratio * _MATTERS, pairs) < _BY_CHANCE:
+    if _chance_of_less(ratio * _MATTERS, pairs) < BY_CHANCE:
         note = ('repeats agree better than neighbours do: the force has a fine ripple that comes '
                 'back each time')
         return NoiseFloor(repeats, differences, repeats, visits, correlation, 'repeats', note)
-    if 1.0 - _chance_of_less(ratio / _MATTERS, pairs) < _BY_CHANCE:
+    if 1.0 - _chance_of_less(ratio / _MATTERS, pairs) < BY_CHANCE:
         note = ('repeats differ more than neighbours do: slow noise, drift, or an effect of '
                 'history or speed')
     return NoiseFloor(differences, differences, repeats, visits, correlation,

@@ -20,8 +20,10 @@ _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
 PAUSE_STEPS = _WINDOWS[-1]
 #: Windows of `smooth`: wider ones would take the bends of a moving signal along.
 _SMOOTHED = (5, 9, 17, 33)
-#: Chance that a log without corners shows one.
-_FALSE_CORNER = 0.001
+#: Chance at which noise alone makes a report (a corner, an offset, a stuck force), per log.
+FALSE_ALARM = 0.001
+#: Chance at which two samples of one kind pass for two kinds.
+BY_CHANCE = 0.01
 #: Rows that are fitted at a time.
 _BLOCK = 20_000
 #: Share of the usual fast motion below which a motion counts as rest.
@@ -248,7 +250,7 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     """
     Return a signal and its slope, smoothed but for corners as the tips of a triangle, (T,).
 
-    A corner is where the slope changes suddenly by more than noise makes it, at `_FALSE_CORNER`,
+    A corner is where the slope changes suddenly by more than noise makes it, at `FALSE_ALARM`,
     and by most within its window. What is missed with the corner counts as noise: a jump is none.
     Corners are taken from the signal before it is smoothed, and given back.
 
@@ -258,7 +260,7 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     local = _locally(time, value, parts, half)
     noise = np.maximum(local.missed, max(noise, np.finfo(float).tiny))
     size = np.abs(local.bend) / (local.bend_sd * noise)
-    corner = (size > norm.isf(0.5 * _FALSE_CORNER / len(time))) & (
+    corner = (size > norm.isf(0.5 * FALSE_ALARM / len(time))) & (
         size == maximum_filter1d(size, 2 * half + 1))
     if not corner.any():
         return local.value, local.slope

@@ -10,9 +10,7 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import pressure_levels
 from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
-
-#: Chance of an alarm where trials differ by nothing but noise.
-_ALARM = 1e-3
+from fam_bundle_ros.data.rates import FALSE_ALARM
 
 
 class Offsets(NamedTuple):
@@ -69,7 +67,7 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     between = float(y @ y - left @ left) / rank
     # a sum over correlated samples varies as if each were tau times as large
     noise = float(left[shared] @ left[shared]) / free
-    if between < noise * stats.f.ppf(1.0 - _ALARM, rank, free):
+    if between < noise * stats.f.ppf(1.0 - FALSE_ALARM, rank, free):
         return None
     size = float(np.sqrt(offset @ offset / rank))
     if size < RESOLUTION * np.abs(measurement.force).max():

@@ -183,6 +183,24 @@ def test_a_column_that_repeats_the_rest_length_tells_it(log):
         read_measurement(data)
 
 
+@pytest.mark.parametrize('rounded', [
+    lambda values: np.round(values, 2), lambda values: values,
+    lambda values: values.astype(np.float32).astype(float)])
+def test_a_length_and_a_contraction_add_up_to_the_rest_length(log, rounded):
+    """To the last digit that they are written with, or to single precision."""
+    data = table(log, strain=('length [mm]', rounded(250 * (1 - log[1]))))
+    data['contraction [cm]'] = rounded(25 * log[1])
+    assert read_measurement(data).rest_length == pytest.approx(0.25, abs=1e-4)
+
+
+def test_a_sum_of_lengths_that_varies_is_no_rest_length(log):
+    """The zero of the contraction has moved by half a millimetre."""
+    data = table(log, strain=('length [mm]', np.round(250 * (1 - log[1]), 2)))
+    data['contraction [mm]'] = np.round(250 * log[1] + np.linspace(0.0, 0.5, len(log[1])), 2)
+    with pytest.raises(InputError, match='expected a strain, or the rest length'):
+        read_measurement(data)
+
+
 def test_a_rest_length_without_a_unit_is_not_used_and_said(log, tmp_path):
     """The muscle's length is used, which may be another."""
     rows = np.stack([log[0], 250 * (1 - log[1]), log[2] / 1e3, log[3]], axis=1)
@@ -203,6 +221,15 @@ def test_several_rest_lengths_in_a_file_are_said(log, tmp_path):
             np.savetxt(file, part, '%.6f', ',')
     data = read_measurement(tmp_path / 'a.csv')
     assert 'several rest lengths in the file: 250 mm, 240 mm' in ' '.join(data.notes)
+
+
+@pytest.mark.parametrize(('model', 'said'), [(0.25001, False), (0.2512, True)])
+def test_a_model_of_another_length_is_said_where_the_lengths_differ_as_shown(log, model, said):
+    """The file's length is used; a difference that is not shown is none."""
+    data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
+    data['L0 [mm]'] = np.full(len(log[1]), 250.0)
+    notes = read_measurement(data, recipe=Recipe(muscle_length=model)).notes
+    assert ('the model has 251.2 mm' in ' '.join(notes)) == said
 
 
 def test_lengths_need_a_rest_length_that_fits(log):

@@ -133,6 +133,14 @@ def test_a_measurement_knows_the_digest_of_its_file(log, tmp_path):
     assert data.sha256 == hashlib.sha256((tmp_path / 'a.csv').read_bytes()).hexdigest()
 
 
+@pytest.mark.parametrize('content', ['[]', '{}', '[{}]'])
+def test_json_without_columns_fails(content, tmp_path):
+    """In a sentence, not in a traceback."""
+    (tmp_path / 'a.json').write_text(content)
+    with pytest.raises(InputError, match='a.json: no columns'):
+        read_measurement(tmp_path / 'a.json')
+
+
 def test_json_that_nests_without_end_fails(tmp_path):
     """Brackets for ever are no table."""
     path = tmp_path / 'deep.json'

@@ -143,7 +143,7 @@ def _blocks(table: Table) -> Table | None:
                if not re.fullmatch(r'column \d+', header) or _filled(cells).any()]
     width = next((at for at, header in enumerate(headers) if _AGAIN.fullmatch(header)), 0)
     first = headers[:width]
-    blocks = [headers[at:at + width] for at in range(0, len(headers), width or len(headers))]
+    blocks = [headers[at:at + width] for at in range(0, len(headers), width)] if width else []
     if len(blocks) < 2 or any(block != [f'{header} ({count})' for header in first]
                               for count, block in enumerate(blocks[1:], 2)):
         return None

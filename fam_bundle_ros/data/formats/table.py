@@ -60,6 +60,11 @@ class Table:
             count = len(next(iter(self.columns.values())))
             object.__setattr__(self, 'rows', np.arange(1, count + 1))
 
+    @property
+    def lines(self) -> list[str]:
+        """The lines above the data, and the comments between the rows."""
+        return [*self.above, *(text for _, text in self.remarks)]
+
     def meaning(self, header: str) -> Match:
         """Return which quantity a column's header names, and its unit."""
         return recognise(header, self.units.get(header, ''))
