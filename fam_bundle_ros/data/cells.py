@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Cells of a column as numbers: text with words in it, ISO dates, times of day, trial labels."""
+"""From the cells of a column to numbers, to seconds (dates, times of day), or to labels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def is_text(column: np.ndarray) -> bool:
 
 
 def blank(cell: Any) -> bool:
-    """Return whether a cell of text holds nothing."""
+    """Return whether a cell is empty or holds a word for no reading, such as nan."""
     return cell is None or cell != cell or (isinstance(cell, str) and is_blank(cell))
 
 
@@ -60,8 +60,9 @@ def no_reading(values: np.ndarray) -> float | None:
     """
     Return the number that a logger wrote for no reading, None where there is none: -999, 9999.
 
-    It is of nines alone and farther from each other reading than they are from one another; below
-    zero, than neighbours among them are. One that stands there once is ten times as far.
+    Such a code consists of nines. It is farther from every reading than the readings are from each
+    other (for a negative code: than neighbouring readings are). A code that occurs once must be
+    ten times as far.
 
     Examples
     --------
@@ -126,7 +127,7 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
     if filled and all(matches):
         values[filled] = [_of_clock(match) for match in matches if match]
         clock = values[filled]
-        # the clock starts anew at midnight, one without AM and PM at one
+        # a clock restarts at midnight, a 12-hour clock without AM and PM at one o'clock
         back = np.diff(clock, prepend=clock[:1])
         twelve = (clock < 13.0 / 24.0 * _DAY).all() and (clock >= _DAY / 24.0).all()
         anew = back < (-0.45 if twelve else -0.5) * _DAY

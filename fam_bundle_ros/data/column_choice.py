@@ -3,8 +3,8 @@
 """
 Which column of a table is which quantity: as the user tells, else by its name and unit.
 
-Where two would do, or none, the message lists every column with what it was taken for, and why
-not.
+Where several columns may be one quantity, or none, the error lists what every column was taken
+for, or why it is not used.
 """
 
 from __future__ import annotations
@@ -20,37 +20,34 @@ from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.column_names import (
     absolute_of,
     dimension_of,
-    likes,
     Match,
     recognise,
     STRAINS,
 )
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
-from fam_bundle_ros.data.told_columns import Choice, name_of, told_column
-from fam_bundle_ros.data.unit_names import ELECTRIC, Unit, unit_of
+from fam_bundle_ros.data.missing_column import family, missing_column, mostly_text, shown
+from fam_bundle_ros.data.told_columns import Choice, told_column
+from fam_bundle_ros.data.unit_names import ELECTRIC, Unit
 from fam_bundle_ros.errors import InputError
 
 #: A name that stands among other words is taken only with a unit that fits.
 _ENOUGH = 2
-#: Told in place of a column: the file has none for this quantity.
+#: Told in place of a column: the file has no column for this quantity.
 NONE = 'none'
-#: Quantity: the unit in examples of messages.
-_EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
-#: Counts what is no break of the log.
+#: Names of counters that go on while the clock runs on.
 _CYCLE = re.compile('cycle|zyklus', re.IGNORECASE)
-#: More trials than rows over this: the column counts rows.
+#: Fewest rows per trial, on average: a column with more values counts rows.
 _ROWS_PER_TRIAL = 2
-#: Strains in smaller units, \u00b5\u03b5, are no muscle's.
+#: A strain in a smaller unit, \u00b5\u03b5, is of a strain gauge.
 _MICRO = 1e-5
-#: The same readings in two units differ by no more than this share of the largest.
+#: Rounding of readings that are logged in two units, as a share of the largest.
 _ROUNDED = 2e-3
 
 
 @dataclass
 class Choices:
-    """The columns of one table that are used, by quantity, and why others are not."""
+    """Which columns of a table are used, by quantity, and why the others are not."""
 
     table: Table
     chosen: dict[str, Choice] = field(default_factory=dict)
@@ -58,8 +55,8 @@ class Choices:
     without: set[str] = field(default_factory=set)
 
     def make(self, told: Mapping[str, str]) -> None:
-        """Choose the columns: those that are told first."""
-        self.without = {_family(key) for key, text in told.items() if text.strip() == NONE}
+        """Choose the columns, first those that the user names."""
+        self.without = {family(key) for key, text in told.items() if text.strip() == NONE}
         for key, text in told.items():
             if text.strip() != NONE:
                 choice = told_column(self.table, key, text.strip())
@@ -92,11 +89,11 @@ class Choices:
         for key, there in (('strain', self.strains), ('force', 'force' in self.chosen),
                            ('pressure', self.pressures)):
             if not there:
-                raise InputError(self._missing(key))
+                raise InputError(missing_column(self.table, key, self.taken()))
 
     def _recognised(self) -> None:
         used = {choice.header for choice in self.chosen.values()}
-        families = {_family(key) for key in self.chosen} | self.without
+        families = {family(key) for key in self.chosen} | self.without
         found: dict[str, list[tuple[str, Match]]] = {}
         for header, column in self.table.columns.items():
             if header in used:
@@ -123,9 +120,9 @@ class Choices:
 
     def _by_unit(self) -> None:
         """Take a column of an unknown name for what is missing, if it alone has such a unit."""
-        families = {_family(key) for key in self.chosen} | self.without
-        for like, family in (('N', 'force'), ('Pa', 'pressure'), ('m', 'strain'), ('s', 'time')):
-            if family in families:
+        families = {family(key) for key in self.chosen} | self.without
+        for like, kind in (('N', 'force'), ('Pa', 'pressure'), ('m', 'strain'), ('s', 'time')):
+            if kind in families:
                 continue
             found = []
             for header in self.table.columns:
@@ -136,18 +133,18 @@ class Choices:
                     values = numbers(column)[0]
                     found.append((header, unit, values[np.isfinite(values)]))
             relative = [entry for entry in found if absolute_of(entry[0]) is False]
-            if family == 'pressure' and len(relative) == 1:
+            if kind == 'pressure' and len(relative) == 1:
                 found = relative  # beside the absolute one
             if len(found) != 1:
                 continue
             (header, unit, values), = found
-            if family == 'time' and ((np.diff(values) < 0).mean() > 0.02 or not np.ptp(values)):
+            if kind == 'time' and ((np.diff(values) < 0).mean() > 0.02 or not np.ptp(values)):
                 continue
             # a displacement comes near zero, a length never does: no muscle shortens by half
-            key = family if family != 'strain' else 'length' if (
+            key = kind if kind != 'strain' else 'length' if (
                 values.min() > 0.5 * values.max()) else 'shift'
             absolute = absolute_of(header) if unit.absolute is None else unit.absolute
-            gauge = ', as gauge' if family == 'pressure' and absolute is None else ''
+            gauge = ', as gauge' if kind == 'pressure' and absolute is None else ''
             self.chosen[key] = Choice(header, unit, absolute=absolute,
                                       why=f'by its unit alone{gauge}')
             del self.refused[header]
@@ -155,14 +152,14 @@ class Choices:
     def _why_not(self, header: str, column: np.ndarray, match: Match, families: set[str]) -> str:
         if not match.quantity and match.why == 'not known':
             unit = (self.table.unit_text(header) or '').strip()
-            return 'text' if _mostly_text(column) else match.why if unit not in ELECTRIC else (
+            return 'text' if mostly_text(column) else match.why if unit not in ELECTRIC else (
                 f'in {unit}: tell what one {unit} is worth')
         if not match.quantity or not match.score:
             return match.why
         if match.score < _ENOUGH:
             return f'may be {match.quantity}, but for its other words'
-        if _family(match.quantity) in families:
-            return f'{_family(match.quantity)} was told'
+        if family(match.quantity) in families:
+            return f'{family(match.quantity)} was told'
         if match.quantity == 'strain' and match.unit and match.unit.factor < _MICRO:
             return 'of a strain gauge'
         if match.quantity == 'trial':
@@ -181,56 +178,65 @@ class Choices:
         return ''
 
     def _one_of_each(self, found: dict[str, list[tuple[str, Match]]]) -> None:
+        """Choose one column of those found for each quantity; of several strains the plainest."""
+        self._name_pressures(found)
+        strains = [key for key in STRAINS if key in found]
+        for key in strains[1:]:
+            self._refuse(found.pop(key), f'{strains[0]} is there')
+        for key, entries in found.items():
+            header, match = self._best(key, entries)
+            absolute = match.unit.absolute if match.unit else match.absolute
+            self.chosen[key] = Choice(header, match.unit, -1 if key == 'elongation' else 1,
+                                      absolute=absolute)
+
+    def _name_pressures(self, found: dict[str, list[tuple[str, Match]]]) -> None:
+        """Take a single numbered pressure for the pressure; refuse one beside several numbers."""
         pressures = [key for key in found if key.partition('.')[0] == 'pressure']
         if len(pressures) == 1 and not pressures[0].endswith('pressure'):
             header = found[pressures[0]][0][0]
             if not re.search(r'\bpressure\.', header):  # `p2` alone is the pressure
                 found['pressure'] = found.pop(pressures[0])
         elif len(pressures) > 1 and 'pressure' in pressures:
-            best = {key: max(match.score for _, match in found[key]) for key in pressures}
-            clash = found['pressure'][0][0], next(found[key][0][0] for key in pressures
-                                                  if key != 'pressure')
-            if best['pressure'] >= max(best[key] for key in pressures if key != 'pressure'):
-                raise InputError(f"{self.table.name}: '{clash[0]}' beside '{clash[1]}'; expected "
-                                 'one name per motor unit')
-            self._refuse(found.pop('pressure'), 'other columns name the motor units')
-        strains = [key for key in STRAINS if key in found]
-        for key in strains[1:]:
-            self._refuse(found.pop(key), f'{strains[0]} is there')
-        for key, entries in found.items():
-            best_score = max(match.score for _, match in entries)
-            best_ones = self._different(key, [entry for entry in entries
-                                              if entry[1].score == best_score])
-            if len(best_ones) > 1:  # of the axes of a load cell one is used
-                still = [entry for entry in best_ones
-                         if not np.nan_to_num(numbers(self.table.columns[entry[0]])[0]).any()]
-                if len(best_ones) == len(still) + 1:
-                    self._refuse(still, 'zero in all rows')
-                    best_ones = [entry for entry in best_ones if entry not in still]
-            entries = [entry for entry in entries if entry[0] not in self.refused]
-            if len(best_ones) > 1:
-                self._refuse(best_ones, f'may be {_shown(key)}, as another may')
-                names = ' and '.join(f"'{header}'" for header, _ in best_ones[:3])
-                raise InputError(
-                    f'{self.table.name}: {names} both may be {_shown(key)}; expected one, or to '
-                    f'be told, for example --columns "{_shown(key)}={best_ones[0][0]}"'
-                    + f', or their sum, "force={" + ".join(header for header, _ in best_ones)}"'
-                    # axes, or a raw and a filtered one, do not add up
-                    * (key == 'force' and all(match.part for _, match in best_ones)))
-            self._refuse([entry for entry in entries if entry is not best_ones[0]],
-                         f"less like {_shown(key)} than '{best_ones[0][0]}'")
-            header, match = best_ones[0]
-            absolute = match.unit.absolute if match.unit else match.absolute
-            self.chosen[key] = Choice(header, match.unit, -1 if key == 'elongation' else 1,
-                                       absolute=absolute)
+            entries = found.pop('pressure')
+            pressures.remove('pressure')
+            if max(match.score for _, match in entries) >= max(
+                    match.score for key in pressures for _, match in found[key]):
+                first = found[pressures[0]][0][0]
+                raise InputError(f"{self.table.name}: '{entries[0][0]}' beside '{first}'; "
+                                 'expected one name per motor unit')
+            self._refuse(entries, 'other columns name the motor units')
+
+    def _best(self, key: str, entries: list[tuple[str, Match]]) -> tuple[str, Match]:
+        """Return the only column of the highest score; the others are refused."""
+        highest = max(match.score for _, match in entries)
+        best = self._different(key, [entry for entry in entries if entry[1].score == highest])
+        if len(best) > 1:  # a load cell of three axes of which one is used
+            still = [entry for entry in best
+                     if not np.nan_to_num(numbers(self.table.columns[entry[0]])[0]).any()]
+            if len(best) == len(still) + 1:
+                self._refuse(still, 'zero in all rows')
+                best = [entry for entry in best if entry not in still]
+        if len(best) > 1:
+            self._refuse(best, f'may be {shown(key)}, as another may')
+            names = ' and '.join(f"'{header}'" for header, _ in best[:3])
+            raise InputError(
+                f'{self.table.name}: {names} both may be {shown(key)}; expected one, or to be '
+                f'told, for example --columns "{shown(key)}={best[0][0]}"'
+                + f', or their sum, "force={" + ".join(header for header, _ in best)}"'
+                # axes, or a raw and a filtered one, do not add up
+                * (key == 'force' and all(match.part for _, match in best)))
+        self._refuse([entry for entry in entries
+                      if entry is not best[0] and entry[0] not in self.refused],
+                     f"less like {shown(key)} than '{best[0][0]}'")
+        return best[0]
 
     def _different(self, key: str, entries: list[tuple[str, Match]]) -> list[tuple[str, Match]]:
-        """Return the columns without those that repeat another's cells: a clock per channel."""
+        """Return the columns without repetitions of another, such as a clock for each channel."""
         kept: list[tuple[str, Match]] = []
         for entry in entries:
             header, match = entry
             cells = self.table.columns[header]
-            # forces of two cells add up, be they equal
+            # two load cells may show equal forces, which add up
             same = next((other for other, known in kept
                          if (key != 'force' or known.part == match.part)
                          and _same(self.table.columns[other], cells, known.unit, match.unit)
@@ -263,87 +269,6 @@ class Choices:
                                  choice.unit.text if choice.unit else '', choice.sign, why))
         return tuple(entries)
 
-    def _missing(self, key: str) -> str:
-        words = []
-        for entry, (header, column) in zip(self.taken(), self.table.columns.items()):
-            meant = _shown(entry.quantity) if entry.quantity else entry.why
-            if not entry.quantity and not is_text(column) and column.dtype.kind == 'f' and (
-                    np.isfinite(column).any()):
-                meant += f' ({np.nanmin(column):.4g} to {np.nanmax(column):.4g})'
-            words.append(f"'{header}' {meant}")
-        found, misfit = f"; found {', '.join(words)}", self._misfit(key)
-        if misfit:
-            return f'{self.table.name}: {misfit}{found}'
-        examples = self._examples(key)
-        # without a column left it is a constant, or it is not in this file
-        constant = ', a constant for all rows' if key == 'pressure' and not examples else ''
-        titles = titles_of(self.table) if constant else []
-        if len({title.pressure for title in titles}) > 1:
-            said = ', '.join(f"'{title.text}' (row {title.row})" for title in titles[:3])
-            return (f"{self.table.name}: column '{key}' is missing{found}; titles tell several: "
-                    f'{said}; expected one above each block of rows, the first too, or a column')
-        title = titles[0] if titles else title_of_name(self.table.name) if constant else None
-        value = f'{title.pressure / 1e3:g} kPa' if title else '300 kPa'
-        where = f'(row {title.row})' if title and title.row else 'in the name of the file'
-        constant += f", as '{title.text}' {where} says" if title else ''
-        example = '--columns "' + (examples[0] if examples else f'{key}={value}' if constant else
-                                    f'{key}=... [{_EXAMPLES[key]}]') + '"'
-        if key == 'pressure' and len(examples) > 1:
-            example += ', or of motor units ' + ' '.join(
-                f'--columns "pressure.mu{i}={one.partition("=")[2]}"'
-                for i, one in enumerate(examples[:2], 1))
-        return (f"{self.table.name}: column '{key}' is missing{found}; tell it{constant}, "
-                f'for example {example}')
-
-    def _misfit(self, key: str) -> str:
-        """Return what to do about a column that has the name but not the unit; '' for none."""
-        for header in self.refused:
-            match = self.table.meaning(header)
-            text = self.table.unit_text(header)
-            if match.score or not text or _family(match.quantity) != key:
-                continue
-            told = _shown(match.quantity) + (f'.{match.part}' if match.part else '')
-            unit = _EXAMPLES.get(match.quantity, 'mm')
-            other = (self._examples(key, header) or [f'{key}=... [{_EXAMPLES[key]}]'])[0]
-            return (f"column '{header}': '{text}' is not a unit of {key}; if its numbers are in "
-                    f'another unit, tell it, for example --columns "{told}={name_of(header)} '
-                    f'[{unit}]", or what one {text} is worth, --columns "{told}={name_of(header)} '
-                    f'* 50 {unit} - 2 {unit}"; if another column has it, --columns '
-                    f'"{other}"')
-        return ''
-
-    def _examples(self, key: str, besides: str = '') -> list[str]:
-        """Return how a user may tell the columns that are left, those whose unit fits first."""
-        fitting: list[str] = []
-        without: list[str] = []
-        electric: list[str] = []
-        for header, column in self.table.columns.items():
-            if header not in self.refused or header == besides or _mostly_text(column):
-                continue
-            meant = self.table.meaning(header).quantity
-            alike = _family(meant) == key
-            told = _shown(meant) if alike else key
-            text = self.table.unit_text(header)
-            if text is None:
-                values = numbers(column)[0]
-                counts = not alike and (values[np.isfinite(values)] % 1.0 == 0.0).all()
-                told = told.replace('strain', 'contraction') if counts else told
-                unit = _EXAMPLES.get(told, 'mm')
-                example = f'{told}={name_of(header)} ' + (
-                    f'* 0.5 {unit}' if counts else f'[{unit}]')
-                without.insert(0 if alike else len(without), example)
-            elif any(unit_of(text, like) for like in likes(key)):
-                fitting.insert(0 if alike else len(fitting), f'{told}={header}')
-            elif text.strip() in ELECTRIC and (alike or not meant):
-                told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio
-                electric.append(f'{told}={name_of(header)} * 50 {_EXAMPLES.get(told, "mm")}')
-        return fitting or without or electric
-
-
-def _mostly_text(column: np.ndarray) -> bool:
-    """Return whether most cells are words: below readings may stand a footer."""
-    return is_text(column) and np.isfinite(numbers(column)[0]).mean() < 0.5
-
 
 def _same(one: np.ndarray, other: np.ndarray, unit: Unit | None, another: Unit | None) -> bool:
     """Return whether two columns hold the same cells, or the same readings in two units."""
@@ -356,12 +281,3 @@ def _same(one: np.ndarray, other: np.ndarray, unit: Unit | None, another: Unit |
     if one.dtype.kind == 'f' and other.dtype.kind == 'f':
         return np.array_equal(one, other, equal_nan=True)
     return one.dtype.kind == other.dtype.kind and one.tolist() == other.tolist()
-
-
-def _family(key: str) -> str:
-    base = key.partition('.')[0]
-    return 'strain' if base in STRAINS else base
-
-
-def _shown(key: str) -> str:
-    return 'contraction' if key == 'shift' else key

@@ -36,13 +36,13 @@ from fam_bundle_ros.errors import InputError
 _INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')
 #: The lowest reading of a vented sensor that shows absolute pressures, Pa.
 _ATMOSPHERE = 94e3, 104e3
-#: Pressures that differ by less are one, Pa.
+#: Pa: a pressure within this of the lowest is vented too.
 _VENTED = 3e3
 
 
 @dataclass
 class _Reader:
-    """One table on its way to a measurement."""
+    """Reads the columns of one table as a measurement."""
 
     table: Table
     recipe: Recipe
@@ -82,7 +82,7 @@ class _Reader:
                                       for reason, (row, _) in measured.first_dropped.items()})
 
     def _text(self, label: str, row: int) -> str:
-        """Return what stands in a row in place of the number of a quantity, '' for nothing."""
+        """Return the text in a row in place of the number of a quantity, '' for none."""
         key = {'strain': self.choices.strains[0], 'pressure': self.choices.pressures[0]}.get(
             label, label)
         choice = self.choices.chosen.get(key)
@@ -126,7 +126,7 @@ class _Reader:
         return values
 
     def _with_readings(self, values: dict[str, np.ndarray]) -> np.ndarray:
-        """Return the rows with at least one number: others are words between the data."""
+        """Return which rows have at least one number in a column that is used."""
         rows = np.zeros(len(self.table.rows), bool)
         for key, column in values.items():
             if self.choices.chosen[key].header is not None:
@@ -168,7 +168,7 @@ class _Reader:
         return time
 
     def _seconds(self, choice: Choice, header: str, rows: np.ndarray) -> np.ndarray:
-        """Return a clock, (T,), s: the one that was chosen, or one that is called as it is."""
+        """Return a clock, (T,), s: the chosen one, or another of the same name."""
         column, chosen = self.table.columns[header], self.table.columns[str(choice.header)]
         if looks_like_time(column):
             if header != choice.header and not np.array_equal(column, chosen):
@@ -185,7 +185,7 @@ class _Reader:
         choice.unit = choice.unit or self._unit_above(header, 'time')
         if choice.unit is None:
             choice.unit, choice.why = time_unit(self.table.name, header, clock)
-        # digits of a clock that counts since 1970 are worth more than its origin
+        # subtract the origin of a clock that counts since 1970 before digits are lost in scaling
         first = numbers(chosen)[0]
         known = first[np.isfinite(first)]
         origin = known[0] if len(known) and np.abs(known).max() > 1e8 else 0.0
@@ -199,7 +199,7 @@ class _Reader:
 
     def _together(self, values: dict[str, np.ndarray], time: np.ndarray | None,
                   ) -> tuple[dict[str, np.ndarray], np.ndarray | None, np.ndarray]:
-        """Return readings and times in which all quantities stand together, and of which rows."""
+        """Return the readings of all quantities at common times, these times, and their rows."""
         choice, rows = self.choices.chosen.get('time'), np.arange(len(self.table.rows))
         if time is None or choice is None or choice.header is None:
             return values, time, rows
@@ -235,7 +235,7 @@ class _Reader:
         return choice.unit
 
     def _unit_above(self, header: str, quantity: str) -> Unit | None:
-        """Return the unit that lines above the table give a name: 'Channel 1: Force (lbf)'."""
+        """Return the unit of a header in the lines above the table: 'Channel 1: Force (lbf)'."""
         found = {unit for line in self.table.above for text in re.findall(
             rf'(?:^|[:;,=|\t])\s*{re.escape(header)}\s*[\[(]([^\])]+)[\])]', line, re.IGNORECASE)
             for like in likes(quantity) if (unit := unit_of(text, like))}
@@ -251,7 +251,7 @@ class _Reader:
         return self.recipe.ambient_pressure if absolute else 0.0
 
     def _may_be_absolute(self, pressure: np.ndarray, force: np.ndarray) -> str:
-        """Return what tells that: a remark, or hardly a force at that of the atmosphere; or ''."""
+        """Return why a pressure may be absolute (a remark, no force at 1 atm), else ''."""
         for line in self.table.lines:
             if absolute_of(line) and re.search('(?i)press|druck', line):
                 return f"in the file stands '{line.strip()[:60]}'"

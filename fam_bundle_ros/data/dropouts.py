@@ -9,11 +9,10 @@ They are reported and not removed: a diagnosis could explain them as an effect.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import comb
 
 import numpy as np
 
-from fam_bundle_ros.data.rates import BY_CHANCE, FALSE_ALARM
+from fam_bundle_ros.data.rates import BY_CHANCE, FALSE_ALARM, REST_PRESSURE
 
 
 def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np.ndarray,
@@ -48,10 +47,11 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
 
     def moves_too(channel: np.ndarray, jump: np.ndarray) -> bool:
         """Return whether a channel's steps at the jumps are larger than those of chosen rows."""
-        moved, count = np.abs(np.diff(channel)), int(jump.sum())
-        larger = int((moved[within] >= moved[jump].min()).sum())
+        moved, drawn = np.abs(np.diff(channel)), np.arange(jump.sum())
+        larger = (moved[within] >= moved[jump].min()).sum()
+        chance = np.prod((larger - drawn) / (within.sum() - drawn))
         # in a short log only the largest steps of all can tell
-        return comb(larger, count) <= max(BY_CHANCE * comb(int(within.sum()), count), 1)
+        return bool(chance <= BY_CHANCE or larger == len(drawn))
 
     # either end of the largest step, that with the larger jumps first
     for code in sorted((values[largest], values[largest + 1]),
@@ -67,22 +67,27 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
     return np.zeros(len(values), bool)
 
 
-def constant_force(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> slice | None:
+def constant_force(force: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
+                   within: np.ndarray) -> slice | None:
     """
     Return the rows in which the force is constant while the muscle moves, or None.
 
     The muscle moves in the faster half of the steps. The share of these steps with equal forces
     elsewhere in the log gives the probability of such a stretch: with a coarse converter it is
-    high. A whole trial at one force is not reported: that is a weight.
+    high. A whole trial at one force is not reported, which is a weight, nor is a vented muscle,
+    which is slack.
 
     Parameters
     ----------
     force, strain : ndarray, shape (T,)
+    pressure : ndarray, shape (T,), Pa
+        Of all motor units together.
     within : ndarray of bool, shape (T - 1,)
         Steps between rows of one trial.
     """
     moved = np.where(within, np.abs(np.diff(strain)), 0.0)
     fast = within & (moved > np.median(moved[within])) if within.any() else within
+    fast = fast & (pressure[1:] > REST_PRESSURE * pressure.max())
     same = within & (np.diff(force) == 0)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
     begin, end = edge[::2], edge[1::2]
@@ -126,7 +131,7 @@ def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force:
             notes.append(f'{label} jumps to {_shown(label, values[at])} and back in '
                          f'{int(held.sum())} rows (first row {rows[at]}) while the other '
                          'channels continue: lost readings? They are used')
-    still = constant_force(force, strain, within)
+    still = constant_force(force, strain, np.sum([*pressure.values()], axis=0), within)
     if still is not None:
         notes.append(f'the force is constant at {force[still.start]:.4g} N from row '
                      f'{rows[still.start]} to {rows[still.stop - 1]} while the muscle moves: is '

@@ -13,7 +13,7 @@ import numpy as np
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.errors import InputError
 
-#: s between two recordings, where nobody knows how long it was.
+#: s assumed between two recordings, whose distance in time is not known.
 _BETWEEN = 60.0
 
 

@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Units of columns that carry none, where only one would make sense.
+Units of columns without one, where only one unit gives sensible readings.
 
-Where two would, the message names both and what to write; what was guessed is always said.
+Where several do, the error names them and what to write. A guessed unit is always reported.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
 
-#: Quantity: units that people leave out, and between what the largest reading then is (SI).
+#: Quantity: units that are often left out, and the range of the largest reading (SI).
 _USUAL = {
     'pressure': (('kPa', 'bar', 'MPa', 'psi', 'Pa', 'mbar'), 50e3, 1.2e6),
     'force': (('N',), 0.0, 20e3),
@@ -23,9 +23,9 @@ _USUAL = {
 #: The same for lengths, as shares of the rest length: no braid shortens by more than 0.42.
 _LENGTHS = {'length': (0.6, 1.15), 'contraction': (0.03, 0.45), 'elongation': (0.03, 0.45),
             'shift': (0.03, 0.45)}
-#: A clock without a unit whose steps are as large may count milliseconds.
+#: A clock without a unit and with steps of at least this may count milliseconds.
 _SLOWEST = 2.0
-#: Steps of a clock in s are longer; at less than the other it may count minutes.
+#: Steps of a clock in s are longer than the first; below the second it may count minutes.
 _FASTEST, _QUICK = 2e-6, 2e-3
 _LIKE = {'pressure': 'Pa', 'force': 'N', 'strain': '1', 'strain_rate': '1/s'}
 
@@ -50,13 +50,13 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
     InputError
         Where several units would do, or none.
     """
-    # not the largest: a single slip must not choose the unit of all
+    # a percentile, as a single outlier must not decide
     top = float(np.nanpercentile(np.abs(values), 99)) if np.isfinite(values).any() else 0.0
     if quantity in _USUAL:
         names, low, high = _USUAL[quantity]
         units = [unit for unit in (unit_of(text, _LIKE[quantity]) for text in names) if unit]
         if quantity == 'strain' and top <= 1.0:
-            units = units[:1]  # no muscle shortens by less than 1 % from end to end
+            units = units[:1]  # a range below 1 % is not of a muscle
         fitting = [unit for unit in units if low <= top * unit.factor <= high]
     else:
         low, high = _LENGTHS[quantity]

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How the files of a lab are to be read, as one object and as a file for a hundred logs."""
+"""Options for reading the files of a lab, as an object and as a file."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Recipe:
                 raise InputError(f'{key} is {value:g}; expected more than 0')
 
     def merged(self, **options: Any) -> Recipe:
-        """Return the recipe with other options; those that are None stay; columns add up."""
+        """Return the recipe with other options; None changes nothing, columns are added."""
         given = {key: value for key, value in options.items() if value is not None}
         for key, (like, _) in _WITH_UNIT.items():
             if isinstance(given.get(key), str):

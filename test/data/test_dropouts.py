@@ -54,6 +54,22 @@ def test_a_force_that_stands_still_while_the_muscle_moves_is_said(noisy, force, 
     assert ('is constant' in said(force=force(channels['force'], rows))) == stuck
 
 
+def test_a_vented_muscle_may_read_one_force(noisy):
+    """It is slack: its force is zero at every strain, as often as the cell's offset stays."""
+    channels, said = noisy
+    vented = (np.arange(240) >= 100) & (np.arange(240) < 125)
+    assert 'is constant' not in said(pressure=np.where(vented, 0.0, channels['pressure']),
+                                     force=np.where(vented, 0.0, channels['force']))
+
+
+def test_the_largest_steps_of_a_short_log_are_no_lost_readings(muscle):
+    """Twelve rows in which the muscle is vented once: pressure and force fall together."""
+    strain, pressure = np.linspace(0.1, 0.12, 12), np.full(12, 200e3)
+    pressure[5:7] = 0.0
+    notes = build('log', strain, pressure, muscle(strain, pressure), time=np.arange(12.0)).notes
+    assert not any('lost' in note for note in notes)
+
+
 def test_a_force_of_a_muscle_that_is_held_may_stand_still(noisy):
     """An isometric log between whose levels nothing changes has lost no reading."""
     _, said = noisy

@@ -30,7 +30,7 @@ from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.formats import heads
 from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
 
-#: Units of what is no reading of a muscle, in rows of units.
+#: Units of other quantities that stand in a row of units.
 _OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
     l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
 #: Rows looked at above the data, and for names.
@@ -70,7 +70,7 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     numbers = np.array([sum(is_reading(cell, decimal) for cell in row) for row in grid])
     blanks = np.array([sum(is_blank(cell) for cell in trimmed(row)) for row in grid])
     later = np.arange(len(grid)) >= len(grid) // 2
-    # a row of one number may be data too, but then there is nothing to compare
+    # rows of one number count only if there are no rows of more
     full = later & (numbers >= 2) if (later & (numbers >= 2)).any() else numbers >= 2
     if not full.any():
         return -1, 0
@@ -79,7 +79,7 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     data = (np.abs(width - usual_width) <= 1) & (numbers >= 2) & (numbers + blanks >= usual)
     data |= (width <= usual_width) & (numbers >= 1) & (numbers + usual_width - width >= usual)
     share = np.cumsum(data[::-1])[::-1] / np.arange(len(data), 0, -1)
-    # a line of one reading above the names is the date of the test
+    # a line with one reading above the names may be the date of the test
     good = np.flatnonzero(data & (share >= 0.8) & (numbers >= min(usual, 2)))
     if not len(good):
         return -1, 0
@@ -136,7 +136,7 @@ def is_row(cells: Sequence[str], width: int, decimal: str = '.') -> bool:
 
 
 def with_bad_cells(rows: Sequence[Sequence[str]], width: int, decimal: str = '.') -> int:
-    """Return how many rows directly above the first sound one are data too, with bad cells."""
+    """Return the number of rows directly above the data that are data with bad cells."""
     return sum(1 for _ in takewhile(lambda row: is_row(row, width, decimal), reversed(rows)))
 
 
@@ -177,10 +177,10 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip())
              for _, row in near]
     unit_like = [are_units(row) for _, row in near]
-    # 's' is the name of a path too, but not of each column
+    # 's' is a unit and the name of a displacement; a row of names has different cells
     candidates = [i for i, (_, row) in enumerate(near) if not unit_like[i] or (
         known[i] > 0.5 * len(row) < len(set(row)))]
-    # one known word in a row with gaps is of a setting
+    # a row with gaps and one known word is a setting
     at = max(candidates, default=-1, key=lambda i: (
         known[i] if known[i] > 1 or filled[i] else 0, filled[i], i))
     over = near[at - 1][1] if at > 0 else [''] * width
@@ -228,7 +228,7 @@ def counts_rows(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _with_name_above(cell: str, above: str) -> str:
-    """Return a name; of a cell that is merged with the one above, or has a unit alone, both."""
+    """Return a name; a blank cell, or one with a unit alone, takes the name above it."""
     alone = not cell or cell[0] in '[(' and is_unit(cell)
     return f'{above} {cell}'.strip() if alone and recognise(above).quantity else cell
 

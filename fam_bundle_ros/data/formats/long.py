@@ -34,7 +34,7 @@ _UNIT = frozenset('unit units einheit unite unidad'.split())
 #: Columns that say whether a reading is good, and how.
 _QUALITY = frozenset('quality validity valid opcquality status'.split())
 _GOOD = frozenset('good ok valid true 1 192'.split())
-#: More different names than this are no signals.
+#: Most signals of a table; a column with more different words is text.
 _MOST = 200
 #: s of one unit of a clock; controllers of Siemens count millionths of a day.
 _COUNTS = np.array([1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0, 0.0864])
@@ -53,7 +53,7 @@ def wide(table: Table) -> Table:
     if found is None:
         return table
     signal, value, others = found
-    # heads that stand there again are no readings
+    # rows that repeat the header are not readings
     named = np.array([not blank(cell) for cell in table.columns[signal]], bool)
     rows = named & np.array([str(cell).strip() != signal for cell in table.columns[signal]], bool)
     bad, qualities = _of_bad_quality(table, others, rows)
@@ -121,7 +121,7 @@ def _key(header: str) -> str:
 
 def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray,
                     ) -> tuple[np.ndarray, list[str]]:
-    """Return the rows whose quality is not good, where that of most is, and by which columns."""
+    """Return the rows of bad quality, and the columns that say so (good in most rows)."""
     bad, used = np.zeros(len(rows), bool), []
     for header in others:
         if _key(header) in _QUALITY:
@@ -135,7 +135,7 @@ def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray,
 
 
 def _counted(cells: Iterable[Any]) -> tuple[np.ndarray, list[str]]:
-    """Return the number of each cell's text among the different ones, and these."""
+    """Return a code for each cell and the text of each code."""
     number: dict[str, int] = {}
     codes = np.array([number.setdefault(str(cell).strip(), len(number)) for cell in cells], int)
     return codes, list(number)
@@ -205,7 +205,7 @@ def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,
     order = np.lexsort((labels, moments))
     begins = np.flatnonzero(np.r_[True, (np.diff(labels[order]) != 0)
                                   | (np.diff(moments[order]) != 0)])
-    # a signal that is there twice at one time has two rows
+    # two readings of one signal at one time take two rows
     turn = np.empty(len(order), int)
     turn[order] = np.arange(len(order)) - np.repeat(begins, np.diff(np.r_[begins, len(order)]))
     order = np.lexsort((turn, moments))
@@ -216,7 +216,7 @@ def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,
 
 
 def _spread(cells: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
-    """Return readings at their rows, blank in others; as text where a word is among numbers."""
+    """Return a column with readings at their rows, blank elsewhere; text if it has words."""
     values, words = numbers(cells)
     column: np.ndarray[Any, Any] = np.full(count, np.nan)
     if words.any() and not words.all():

@@ -82,7 +82,7 @@ def _units_of(group: Any) -> dict[str, str]:
 
 
 def _of_node(file: Any, node: Any, depth: int) -> Any:
-    """Return a dataset's values, a group as a dict, None for what is no data."""
+    """Return the values of a dataset, a dict for a group, None for other nodes."""
     if depth > 4:
         return None
     if isinstance(node, Mapping) or hasattr(node, 'items'):

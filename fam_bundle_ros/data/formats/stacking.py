@@ -138,7 +138,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
 
 
 def _blocks(table: Table) -> Table | None:
-    """Return columns that are there again and again, each time in the same order, as trials."""
+    """Return groups of the same columns side by side as trials, None for other tables."""
     headers = [header for header, cells in table.columns.items()
                if not re.fullmatch(r'column \d+', header) or _filled(cells).any()]
     width = next((at for at, header in enumerate(headers) if _AGAIN.fullmatch(header)), 0)
@@ -169,7 +169,7 @@ def _blocks(table: Table) -> Table | None:
 
 
 def _levels(table: Table) -> Table | None:
-    """Return columns of force at a level each, '1 bar', '2 bar', ..., as one column of each."""
+    """Return force columns at levels, '1 bar', '2 bar', as a force and a level column, or None."""
     levels, forces = {}, {}
     for header in table.columns:
         level = _level(header)
@@ -196,7 +196,7 @@ def _levels(table: Table) -> Table | None:
     force_unit = next((force.unit.text for force in forces.values() if force.unit), '')
     if force_unit:
         units['force'] = force_unit
-    # a level that was not measured everywhere has blank cells, and no rows there
+    # a level that was not measured in a row has a blank cell there
     kept = _filled(columns['force'])
     return replace(table, columns={header: cells[kept] for header, cells in columns.items()},
                    units=units, blanks=None, rows=np.tile(table.rows, len(levels))[kept],
@@ -206,7 +206,7 @@ def _levels(table: Table) -> Table | None:
 
 def _with_levels(columns: dict[str, np.ndarray], units: dict[str, str], names: Sequence[str],
                  lengths: Sequence[int]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return columns with the trial, and with the pressure where only the names tell it."""
+    """Return columns with a trial, and with the pressure if only the names state it."""
     known = {recognise(header, units.get(header, '')).quantity for header in columns}
     levels = [level for name in names if (level := _level(name)) and level.quantity == 'pressure']
     if 'pressure' not in known and len(levels) == len(names) and len(
@@ -241,6 +241,6 @@ def _filled(cells: np.ndarray) -> np.ndarray:
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return columns one below the other, as text where one of them is."""
+    """Return columns one below the other; text if one of them is."""
     kinds = {part.dtype.kind for part in parts}
     return np.concatenate([part if len(kinds) == 1 else part.astype(object) for part in parts])

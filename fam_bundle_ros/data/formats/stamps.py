@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Clocks in two columns, whole seconds and their fraction, as of ROS messages and of loggers."""
+"""Clocks in two columns, seconds and their fraction; tables with the newest row first."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fam_bundle_ros.errors import InputError
 _SECONDS = re.compile(r'(.*?)[._/ ]?(?:tv_)?(?:sec|secs|seconds)', re.IGNORECASE)
 _FRACTIONS = (('(?:nano|n)sec(?:s|onds)?', 1e-9), ('(?:micro|u)sec(?:s|onds)?', 1e-6))
 _MILLI = re.compile(r'ms|msec|milli(?:tm|s|sec|seconds)?', re.IGNORECASE)
-#: Rows at which a clock is looked at for its direction.
+#: Number of rows at which the direction of a clock is checked.
 _SOME = 50
 
 
@@ -47,7 +47,7 @@ def with_stamps(table: Table) -> Table:
 
 
 def oldest_first(table: Table) -> Table:
-    """Return a table whose newest row is the first turned round; others as they are."""
+    """Return a table with the newest row first in reverse order; others as they are."""
     some = np.unique(np.linspace(0, len(table.rows) - 1, _SOME).astype(int))
     for header, column in table.columns.items():
         if table.meaning(header).quantity != 'time' or len(some) < _SOME:

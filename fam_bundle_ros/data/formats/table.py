@@ -14,7 +14,7 @@ import numpy as np
 from fam_bundle_ros.data.column_names import Match, recognise, unit_text_of
 from fam_bundle_ros.errors import in_short, InputError
 
-#: Larger files are refused unread.
+#: Largest file that is read, bytes.
 MAX_BYTES = 1 << 30
 
 
@@ -75,11 +75,11 @@ class Table:
         return {header: self.meaning(header).quantity for header in self.columns}
 
     def unit_text(self, header: str) -> str | None:
-        """Return what stands for a column's unit, known or not; None for nothing."""
+        """Return the text of a column's unit, whether it is known or not; None for none."""
         return self.units.get(header) or unit_text_of(header)
 
     def text_of(self, header: str, row: int) -> str:
-        """Return what stands in a cell without a number, by what its row is called; or ''."""
+        """Return the text of a cell without a number, by header and row number; '' for none."""
         column = self.columns[header]
         if column.dtype.kind == 'O':
             cell = column[int(np.argmax(self.rows == row))]
@@ -98,7 +98,7 @@ def check_size(path: Path) -> None:
 
 
 def unreadable(path: Path, kind: str, error: Exception) -> InputError:
-    """Return the error for a file that a library cannot read as what its first bytes say."""
+    """Return the error for a file that the library for its format cannot read."""
     return InputError(f'{path.name}: cannot be read as {kind} ({in_short(error)[:80]})')
 
 

@@ -72,7 +72,7 @@ def read_text(path: Path) -> Table:
     encoding = encoding_of(path)
     try:
         return _read(path, encoding)
-    except UnicodeDecodeError:  # a Latin-1 letter far down
+    except UnicodeDecodeError:  # a Latin-1 letter behind the part that was sniffed
         return _read(path, 'cp1252')
 
 
@@ -125,11 +125,11 @@ def _read(path: Path, encoding: str) -> Table:
 
 def _cell(path: Path, encoding: str, separator: str, names: list[str], header: str, row: int,
           ) -> str:
-    """Return the text of a cell, read again: pandas keeps no blank word."""
+    """Return the text of a cell from the file: pandas drops words for no reading."""
     try:
         with open(path, encoding=encoding, errors='replace') as stream:
             line = next(islice(_lines(path.name, stream), row - 1, None), '')
-    except OSError:  # an upload that is gone by now
+    except OSError:  # an uploaded file may be deleted by now
         return ''
     return dict(zip(names, split(line, separator))).get(header, '')
 
@@ -150,7 +150,7 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     signed = [cell for cell in text if isinstance(cell, str)
               and re.fullmatch(r'[-+\d.,eE]+', cell)]
     fits = {sign: all(is_number(cell, sign) for cell in signed) for sign in '.,'}
-    # a column may have another sign before decimals than the file: 12,5 beside 1.5
+    # a column may have another decimal sign than the file: 12,5 beside 1.5
     if fits[','] and not (decimal == '.' and fits['.']):
         text = np.array([cell.replace('.', '').replace(',', '.') if isinstance(cell, str)
                          and is_number(cell, ',') else cell for cell in text], object)
@@ -166,7 +166,7 @@ def _kind(dialect: Dialect) -> str:
 
 
 def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
-    """Yield lines, one of a cell of several lines as one with blank lines in place of the rest."""
+    """Yield lines; a cell of several lines becomes one line and blank ones, to keep the count."""
     lines = _checked_lines(name, stream)
     for line in lines:
         found = [line]
@@ -181,7 +181,7 @@ def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
 
 
 def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
-    """Yield lines; refuse what is no text before much of it is in memory."""
+    """Yield lines; refuse binary files before much of them is in memory."""
     number = 0
     while line := stream.readline(_LONGEST):
         number += 1
@@ -202,7 +202,7 @@ def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
 
 
 def _clock_cell(clock: re.Match[str]) -> str:
-    """Return the clock of a serial monitor as a cell before the others, a blank one over names."""
+    """Return the clock of a serial monitor as the first cell, blank in the line of names."""
     rest = clock.string[clock.end():]
     separator = next((sign for sign in '\t;,' if sign in rest), ' ')
     names = rest[:1].isalpha() and not any(sign in rest for sign in ':=')
@@ -278,12 +278,40 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     odd = sum(not (ch.isprintable() or ch.isspace()) for line in head for ch in line)
     if odd > 0.02 * sum(map(len, head)):
         raise InputError(f'{name}: not a text file; expected a table with a header')
+    dialect, line_at = _separated(name, head)
+    separator = dialect.separator
+    width = max([dialect.layout.width, *_named_columns(head[:line_at], separator)])
+    rows = [split(line, separator) for line in head[line_at:] if line.strip()]
+    if {len(row) for row in rows} == {width + 1} and layout.counts_rows(rows) and any(
+            row[-1] for row in rows):
+        width += 1  # row names without a name, and remarks that are mostly blank
+    above, cells = _lines_of_names(head[:line_at], dialect, width)
+    names, units, last = layout.find_names(cells, width)
+    named, note = sum(not cell.startswith('column ') for cell in names), ''
+    if named == width - 1 and names[-1] == f'column {width}':
+        moved = layout.moved_right(names, rows)
+        which = 'first' if moved != names else 'last'
+        note, names = f'{width} columns below {named} names: the {which} has none', moved
+    if separator == ',' and width == len(rows[0]) == 2 * named and all(
+            re.fullmatch(r'-?\d+', cell) for cell in rows[0]):
+        raise InputError(f'{name}, row {line_at + 1}: {width} cells under {named} names; expected '
+                         'points for decimals, or quotes about each cell, where commas part cells')
+    below = [i for i in range(above[last] + 1 if last >= 0 else line_at, line_at)
+             if head[i].strip() and not _is_comment(head[i])]
+    bad = layout.with_bad_cells([split(head[i], separator) for i in below], width,
+                                dialect.decimal)
+    found = layout.Layout(names, units, dialect.layout.first, width, note)
+    return dialect._replace(layout=found), min([line_at, *below[len(below) - bad:]])
+
+
+def _separated(name: str, head: list[str]) -> tuple[Dialect, int]:
+    """Return separator and decimal sign with which most cells are readings, and the first row."""
     plain = [(i, line) for i, line in enumerate(head) if line.strip() and not _is_comment(line)]
     quoted = any('"' in line for _, line in plain)
-    best: tuple[float, int, int, Dialect | None] = (0.0, 0, 0, None)
+    highest, best = 0.0, None
     for separator in _SEPARATORS:
-        if separator == _BLANK and best[0] >= 3.0:
-            break  # blanks part the words of a note too
+        if separator == _BLANK and highest >= 3.0:
+            break  # blanks also separate the words of a note
         grid = [split(line, separator) for _, line in plain]
         for decimal in '.,':
             if decimal == separator and not quoted:
@@ -293,51 +321,35 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                 continue
             rows = grid[first:]
             readings = sum(is_reading(cell, decimal) for row in rows for cell in row)
-            # of equals the one whose sign before decimals is met
-            # a footer of whole numbers alone is no table
+            # a footer of whole numbers alone is no table; of equals the one whose sign is met
             score = readings / max(len(rows), len(grid) // 2) + 0.5 * _decimals(rows, decimal)
-            if score > best[0]:
-                found = layout.Layout([], {}, first, width)
-                best = (score, plain[first][0], first, Dialect(separator, decimal, found))
-    _, line_at, first, dialect = best
-    if dialect is None:
-        if len(plain) == 1 and any(ch.isalpha() for ch in plain[0][1]):
-            raise InputError(f'{name}: a header but no rows; expected measurements below it')
-        one = sum(is_number(line) or is_number(line, ',') for _, line in plain)
-        raise InputError(f'{name}: ' + ('one column of numbers' if one > 0.5 * len(plain) else
-                                        'no rows of numbers were found')
-                         + '; expected a table with columns for strain (or length), pressure and '
-                         'force')
-    width = max([dialect.layout.width, *_named_columns(head[:line_at], dialect.separator)])
-    rows = [split(line, dialect.separator) for line in head[line_at:] if line.strip()]
-    if {len(row) for row in rows} == {width + 1} and layout.counts_rows(rows) and any(
-            row[-1] for row in rows):
-        width += 1  # row names without a name, and remarks that are mostly blank
-    above = [i for i, line in enumerate(head[:line_at]) if line.strip()]
-    cells = {i: _header_cells(head[i], dialect, width) for i in above}
-    own = {i: len(split(head[i], dialect.separator)) for i in above}
-    if any(own[i] == width and layout.may_name(cells[i], width) for i in above
-           if not _is_comment(head[i])):
+            if score > highest:
+                highest = score
+                best = Dialect(separator, decimal, layout.Layout([], {}, first, width)), (
+                    plain[first][0])
+    if best is not None:
+        return best
+    if len(plain) == 1 and any(ch.isalpha() for ch in plain[0][1]):
+        raise InputError(f'{name}: a header but no rows; expected measurements below it')
+    one = sum(is_number(line) or is_number(line, ',') for _, line in plain)
+    raise InputError(f'{name}: ' + ('one column of numbers' if one > 0.5 * len(plain) else
+                                    'no rows of numbers were found')
+                     + '; expected a table with columns for strain (or length), pressure and '
+                     'force')
+
+
+def _lines_of_names(above: list[str], dialect: Dialect, width: int,
+                    ) -> tuple[list[int], list[list[str]]]:
+    """Return which of the lines above the data may hold names or units, and their cells."""
+    filled = [i for i, line in enumerate(above) if line.strip()]
+    cells = {i: _header_cells(above[i], dialect, width) for i in filled}
+    own = {i: len(split(above[i], dialect.separator)) for i in filled}
+    if any(own[i] == width and layout.may_name(cells[i], width) for i in filled
+           if not _is_comment(above[i])):
         # beside a row of names a title, or a comment that is no row of units, is a note about them
-        above = [i for i in above if own[i] > 1 and not _is_comment(head[i])
-                 or own[i] == width and layout.are_units(cells[i])]
-    names, units, last = layout.find_names([cells[i] for i in above], width)
-    named, note = sum(not cell.startswith('column ') for cell in names), ''
-    if named == width - 1 and names[-1] == f'column {width}':
-        moved = layout.moved_right(names, rows)
-        which = 'first' if moved != names else 'last'
-        note, names = f'{width} columns below {named} names: the {which} has none', moved
-    row = rows[0]
-    if dialect.separator == ',' and width == len(row) == 2 * named and all(
-            re.fullmatch(r'-?\d+', cell) for cell in row):
-        raise InputError(f'{name}, row {line_at + 1}: {width} cells under {named} names; expected '
-                         'points for decimals, or quotes about each cell, where commas part cells')
-    below = [i for i in range(above[last] + 1 if last >= 0 else line_at, line_at)
-             if head[i].strip() and not _is_comment(head[i])]
-    bad = layout.with_bad_cells([split(head[i], dialect.separator) for i in below], width,
-                                dialect.decimal)
-    return dialect._replace(layout=layout.Layout(names, units, first, width, note)
-                            ), min([line_at, *below[len(below) - bad:]])
+        filled = [i for i in filled if own[i] > 1 and not _is_comment(above[i])
+                  or own[i] == width and layout.are_units(cells[i])]
+    return filled, [cells[i] for i in filled]
 
 
 def _named_columns(above: list[str], separator: str) -> Iterator[int]:
@@ -350,7 +362,7 @@ def _named_columns(above: list[str], separator: str) -> Iterator[int]:
 
 
 def _decimals(rows: list[list[str]], decimal: str) -> float:
-    """Return the share of cells with this sign before decimals, negative where it is of groups."""
+    """Return the share of cells with this decimal sign, negative if it separates thousands."""
     cells = [cell for row in rows for cell in row if cell.strip()]
     share = sum(decimal in cell and is_number(cell, decimal) for cell in cells) / max(
         len(cells), 1)
@@ -358,7 +370,7 @@ def _decimals(rows: list[list[str]], decimal: str) -> float:
 
 
 def split(line: str, separator: str) -> list[str]:
-    """Return a line's cells, quotes taken off."""
+    """Return the cells of a line, without quotes."""
     line = line.strip('\r\n')
     if separator == _BLANK:
         return line.split()
@@ -370,7 +382,7 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
-    """Return the cells of a line above the data, be it a comment or written another way."""
+    """Return the cells of a line above the data, also of a comment or with another separator."""
     text = line.strip('\r\n')
     for sign in _COMMENTS if _is_comment(text) else ():
         if text.lstrip().startswith(sign):
@@ -386,7 +398,7 @@ def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
                             text))
     if dialect.separator == _BLANK:
         tries.append([cell.strip('"') for cell in text.split()])
-    # row names may have none: then there is one name less
+    # a column of row names may have no name: then there is one name less
     fitting = [cells for cells in tries[:1] if len(layout.trimmed(cells)) == width - 1 > 1]
     fitting += [cells for count in (width, width - 1) for cells in tries
                 if len(layout.trimmed(cells)) == count > 1]

@@ -83,11 +83,11 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
 
 
 def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
-    """Return a sheet's table, or None, and how many quantities it has."""
+    """Return the table of a sheet, or None, and the number of known quantities in it."""
     values = frame.to_numpy(object)
     decimal = ',' if any(map(_has_decimal_comma, values[:_SNIFFED].T)) else '.'
     head = [[_text(cell, decimal) for cell in row] for row in values[:_SNIFFED]]
-    # columns that are blank from top to bottom are margins
+    # blank columns are left out
     used = [j for j in range(values.shape[1]) if any(_text(cell).strip() for cell in values[:, j])]
     head = [[row[j] for j in used] for row in head]
     filled = [i for i, row in enumerate(head) if any(cell.strip() for cell in row)]
@@ -121,7 +121,7 @@ def _has_decimal_comma(column: np.ndarray) -> bool:
 
 
 def _word(words: dict[tuple[str, int], str], header: str, row: int) -> str:
-    """Return the blank word of a cell: a function of the module, so that a table can be sent."""
+    """Return the word for no reading in a cell (a function, as tables are pickled)."""
     return words.get((header, row), '')
 
 
