@@ -281,15 +281,14 @@ def _with_unit(found: Match, text: str | None) -> Match:
     # a name with a fitting unit scores higher than a name alone
     if text is None or found.quantity == 'trial':
         return found
-    for like in likes(found.quantity):
-        unit = unit_of(text, like)
-        if unit is not None:
-            # a strain in mm is a contraction
-            quantity = 'contraction' if (found.quantity, like) == ('strain', 'm'
-                                                                   ) else found.quantity
-            if unit.absolute is None:
-                unit = unit._replace(absolute=found.absolute)
-            return found._replace(quantity=quantity, unit=unit, score=found.score + 1)
+    unit = unit_for(found.quantity, text)
+    if unit is not None:
+        # a strain in mm is a contraction
+        is_length = (found.quantity, unit.like) == ('strain', 'm')
+        if unit.absolute is None:
+            unit = unit._replace(absolute=found.absolute)
+        return found._replace(quantity='contraction' if is_length else found.quantity, unit=unit,
+                              score=found.score + 1)
     return found._replace(score=0, why=f"unit '{text}' does not fit; expected a unit like "
                           f'{QUANTITIES[found.quantity]}')
 
@@ -299,6 +298,12 @@ def likes(quantity: str) -> tuple[str, ...]:
     if quantity in STRAINS:
         return ('1', 'm') if quantity == 'strain' else ('m', '1')
     return (QUANTITIES[quantity],)
+
+
+def unit_for(quantity: str, text: str) -> Unit | None:
+    """Return the unit that a text means for a quantity; None where none fits."""
+    units = (unit_of(text, like) for like in likes(quantity))
+    return next((unit for unit in units if unit is not None), None)
 
 
 def _named(name: str) -> Match:

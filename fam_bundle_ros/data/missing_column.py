@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from fam_bundle_ros.data.cells import is_text, numbers
-from fam_bundle_ros.data.column_names import likes, STRAINS
+from fam_bundle_ros.data.column_names import STRAINS, unit_for
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.told_columns import name_of
-from fam_bundle_ros.data.unit_names import ELECTRIC, unit_of
+from fam_bundle_ros.data.unit_names import ELECTRIC
 
 #: Quantity: the unit in examples; of other quantities mm.
 _EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
@@ -135,7 +135,7 @@ def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
             unit = _EXAMPLES.get(told, 'mm')
             example = f'{told}={name_of(header)} ' + (f'* 0.5 {unit}' if counts else f'[{unit}]')
             without.insert(0 if alike else len(without), example)
-        elif any(unit_of(text, like) for like in likes(key)):
+        elif unit_for(key, text):
             fitting.insert(0 if alike else len(fitting), f'{told}={header}')
         elif text.strip() in ELECTRIC and (alike or not meant):
             told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio

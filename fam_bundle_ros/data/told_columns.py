@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import re
 
 from fam_bundle_ros.data.cells import is_text
-from fam_bundle_ros.data.column_names import likes, QUANTITIES
+from fam_bundle_ros.data.column_names import likes, QUANTITIES, unit_for
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.unit_names import Unit, unit_of, VOLTS
+from fam_bundle_ros.data.unit_names import Unit, VOLTS
 from fam_bundle_ros.errors import InputError
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
@@ -184,10 +184,9 @@ def _shifted(table: Table, base: str, choice: Choice, told: re.Match[str]) -> Ch
 
 
 def _fitting(table: Table, base: str, text: str, header: str) -> Unit:
-    for like in likes(base):
-        unit = unit_of(text, like)
-        if unit is not None:
-            return unit
+    unit = unit_for(base, text)
+    if unit is not None:
+        return unit
     raise InputError(f"{table.name}: column '{header}': unit '{text}' does not fit; expected a "
                      f'unit like {QUANTITIES[base]}')
 

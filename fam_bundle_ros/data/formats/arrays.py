@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.column_names import recognise
-from fam_bundle_ros.data.formats.table import plain_columns, Table, unique, unreadable
+from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -31,15 +31,14 @@ def _of_arrow(path: Path, kind: str) -> Table:
     pyarrow, reader, _ = (library(module, f'{path.name}: reading it')
                           for module in ('pyarrow', f'pyarrow.{kind}', 'pandas'))
     units = {}
-    try:
+    with reading_as(path, kind, OSError, ValueError, pyarrow.ArrowException):
         table = reader.read_table(path)
         for entry in table.schema:
             for key, value in (entry.metadata or {}).items():
                 if key.decode(errors='replace').casefold() in ('unit', 'units'):
                     units[entry.name] = value.decode(errors='replace')
-        return of_frame(table.to_pandas(), path.name, kind, units)
-    except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise unreadable(path, kind, error) from error
+        frame = table.to_pandas()
+    return of_frame(frame, path.name, kind, units)
 
 
 def of_frame(frame: Any, name: str, kind: str = 'frame',
@@ -54,20 +53,15 @@ def of_frame(frame: Any, name: str, kind: str = 'frame',
 
 def read_npz(path: Path, sheet: str | None = None) -> Table:
     """Return the table of an .npz: its arrays of equal length."""
-    try:
-        with np.load(path, allow_pickle=False) as packed:
-            values = {name: packed[name] for name in packed.files}
-    except (OSError, ValueError) as error:
-        raise unreadable(path, 'an .npz without objects', error) from error
+    with reading_as(path, 'an .npz without objects'), np.load(path, allow_pickle=False) as packed:
+        values = {name: packed[name] for name in packed.files}
     return of_arrays(path.name, '.npz', values)
 
 
 def read_npy(path: Path, sheet: str | None = None) -> Table:
     """Return the table of an .npy: fields of a structured array, or columns."""
-    try:
+    with reading_as(path, 'an .npy without objects'):
         values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise unreadable(path, 'an .npy without objects', error) from error
     if values.dtype.names:
         return of_arrays(path.name, '.npy', {name: values[name] for name in values.dtype.names})
     return of_arrays(path.name, '.npy', {'column': values})
@@ -79,17 +73,13 @@ def read_json(path: Path, sheet: str | None = None) -> Table:
     try:
         values = json.loads(path.read_text(encoding='utf-8-sig'))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        try:
+        with reading_as(path, 'JSON', ValueError, RecursionError, AttributeError):
             lines = path.read_text(encoding='utf-8-sig').splitlines()
             records = [json.loads(line) for line in lines if line.strip()]
             return of_frame(pandas.json_normalize(records), path.name, 'JSON lines')
-        except (ValueError, RecursionError, AttributeError) as error:
-            raise unreadable(path, 'JSON', error) from error
     if isinstance(values, list):
-        try:
+        with reading_as(path, 'JSON', ValueError, TypeError, AttributeError):
             return of_frame(pandas.json_normalize(values), path.name, 'JSON')
-        except (ValueError, TypeError, AttributeError) as error:
-            raise unreadable(path, 'JSON', error) from error
     inner = list(values.values()) if isinstance(values, dict) else []
     if inner and all(isinstance(each, dict) and len(each) > len(inner) and not any(
             isinstance(cell, (dict, list)) for cell in each.values()) for each in inner):

@@ -17,7 +17,7 @@ from fam_bundle_ros.data.cell_text import is_number
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.layout import trimmed
-from fam_bundle_ros.data.formats.table import plain_columns, Table, unique, unreadable
+from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -160,13 +160,11 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
     for logger in logging.root.manager.loggerDict:
         if logger.startswith('nptdms'):  # what is wrong is said below
             logging.getLogger(logger).setLevel(logging.CRITICAL)
-    try:
+    with reading_as(path, '.tdms', Exception):  # npTDMS's own and struct's on damaged files
         file = nptdms.TdmsFile.read(path)
         groups = {group.name: group.channels() for group in file.groups()}
         found = {name: _of_group(channels) for name, channels in groups.items()
                  if any(len(channel) for channel in channels)}
-    except Exception as error:  # npTDMS raises struct's and its own on damaged files
-        raise unreadable(path, '.tdms', error) from error
     if sheet is not None and sheet not in found:
         raise InputError(f"{path.name}: no group '{sheet}'; expected one of {', '.join(found)}")
     if not found:

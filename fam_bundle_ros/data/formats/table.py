@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -97,9 +98,25 @@ def check_size(path: Path) -> None:
                          f'{MAX_BYTES / 1e9:.1f} GB (decimate or split the log)')
 
 
-def unreadable(path: Path, kind: str, error: Exception) -> InputError:
-    """Return the error for a file that the library for its format cannot read."""
-    return InputError(f'{path.name}: cannot be read as {kind} ({in_short(error)[:80]})')
+@contextmanager
+def reading_as(path: Path, kind: str, *errors: type[Exception]) -> Iterator[None]:
+    """
+    Raise InputError where the library for a format cannot read a file.
+
+    Parameters
+    ----------
+    path : path
+    kind : str
+        The format in words.
+    errors : exception classes, optional
+        That the library raises; by default OSError and ValueError.
+    """
+    errors = errors or (OSError, ValueError)
+    try:
+        yield
+    except errors as error:
+        raise InputError(f'{path.name}: cannot be read as {kind} ({in_short(error)[:80]})'
+                         ) from error
 
 
 def unique(headers: Sequence[Any]) -> list[str]:

@@ -13,10 +13,10 @@ import zipfile
 import numpy as np
 
 from fam_bundle_ros.data.cell_text import in_groups, is_blank, is_number, number
-from fam_bundle_ros.data.column_names import recognise, STRAINS
+from fam_bundle_ros.data.column_names import STRAINS
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other
-from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique, unreadable
+from fam_bundle_ros.data.formats.table import MAX_BYTES, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -55,11 +55,9 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     """
     pandas = library('pandas', f'{path.name}: reading it')
     library('openpyxl', f'{path.name}: reading it')
-    try:
+    with reading_as(path, 'a workbook', Exception):  # openpyxl's own, of zip, of xml, ...
         sheets = pandas.read_excel(path, sheet_name=None, header=None, dtype=object,
                                    engine='openpyxl', na_filter=False)
-    except Exception as error:  # openpyxl raises its own and zip's, xml's, ...
-        raise unreadable(path, 'a workbook', error) from error
     if sheet is not None and sheet not in sheets:
         raise InputError(f"{path.name}: no sheet '{sheet}'; expected one of {', '.join(sheets)}")
     names = list(sheets) if sheet is None else [sheet]
@@ -105,11 +103,10 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
              if isinstance(cell, str) and is_blank(text := cell.strip()) and text}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
-    meant = {recognise(name, units.get(name, '')).quantity for name in names}
-    known = len(meant & {'time', 'force', 'pressure'}) + bool(meant & set(STRAINS))
-    return Table(file, f'sheet {sheet}', columns, units,
-                 np.flatnonzero(kept) + begin + 1, above=tuple(map(';'.join, head[:begin])),
-                 blanks=partial(_word, words)), known
+    table = Table(file, f'sheet {sheet}', columns, units, np.flatnonzero(kept) + begin + 1,
+                  above=tuple(map(';'.join, head[:begin])), blanks=partial(_word, words))
+    meant = set(table.quantities.values())
+    return table, len(meant & {'time', 'force', 'pressure'}) + bool(meant & set(STRAINS))
 
 
 def _has_decimal_comma(column: np.ndarray) -> bool:
