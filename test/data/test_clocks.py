@@ -121,7 +121,7 @@ def test_matrices_of_time_and_reading_are_channels(muscle, tmp_path, turned):
 
 
 def test_equal_clocks_change_nothing(muscle):
-    """A clock per channel that shows the same time."""
+    """Each channel has a clock, and all show the same time."""
     data = read_measurement({
         'time [s]': TIME, 'strain': strain(TIME), 'time [s] (2)': TIME, 'p [kPa]': pressure(TIME),
         'F [N]': force(TIME, muscle)})
@@ -186,7 +186,7 @@ def test_a_counter_that_begins_anew_is_no_new_trial(header, bits, count, muscle)
     ('time [s]', 1.0, 60.0), ('seconds', 1.0, 60.0), ('time [ms]', 1e3, 60e3),
     ('time [min]', 1.0 / 60.0, 60.0), ('time [s]', 1.0, 3600.0)])
 def test_a_clock_that_shows_only_the_seconds_of_the_minute_runs_on(header, scale, dial, muscle):
-    """Nor the minutes of the hour: the recording is one trial."""
+    """Or the seconds of the hour: the recording is one trial."""
     data = of_clock(header, (scale * TIME + dial - 8.33 * scale) % dial, muscle)
     assert len(data.trial_names) == 1
     assert np.allclose(np.diff(data.time), 0.05)
@@ -242,7 +242,7 @@ def test_a_pause_of_the_log_begins_a_trial_and_is_said(muscle):
 
 
 def test_rows_that_were_written_in_another_order_are_put_in_order(muscle):
-    """Threads that write rows: two of them swapped are no trial."""
+    """Rows that threads wrote in swapped order do not begin a trial."""
     order = np.arange(len(TIME))
     order[[100, 101, 250, 251]] = order[[101, 100, 251, 250]]
     data = read_measurement({'time [s]': TIME[order], 'strain': strain(TIME[order]), 'p [kPa]':
@@ -254,7 +254,7 @@ def test_rows_that_were_written_in_another_order_are_put_in_order(muscle):
 
 
 def test_a_clock_that_is_set_back_is_told(muscle):
-    """By half a second in the middle, not to the beginning."""
+    """It goes back by half a second, not to the beginning: a note says so."""
     data = of_clock('time [s]', TIME - np.where(TIME >= 10.0, 0.5, 0.0), muscle)
     assert any('goes back by 0.45 s at row 201, not to where' in note for note in data.notes)
     assert not any('not to where' in note for note in of_clock(

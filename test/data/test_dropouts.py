@@ -27,7 +27,7 @@ def noisy(log):
     ('force', slice(235, 238), 'force jumps to 0 N and back in 3 rows (first row 236)'),
     ('pressure', [30, 31, 100, 200], 'pressure jumps to 0 kPa and back in 4 rows (first row 31)')])
 def test_a_sensor_that_reads_zero_for_a_while_is_said(noisy, label, rows, words):
-    """It jumps there and back, while nothing else does."""
+    """The reading jumps to zero and back, while the other channels do not jump."""
     channels, said = noisy
     lost = channels[label].copy()
     lost[rows] = 0.0
@@ -35,7 +35,7 @@ def test_a_sensor_that_reads_zero_for_a_while_is_said(noisy, label, rows, words)
 
 
 def test_a_muscle_that_is_vented_loses_no_reading(noisy, muscle):
-    """The force falls with the pressure."""
+    """The force falls with the pressure, so no reading is reported as lost."""
     channels, said = noisy
     pressure = channels['pressure'].copy()
     pressure[20:30] = 0.0
@@ -48,7 +48,7 @@ def test_a_muscle_that_is_vented_loses_no_reading(noisy, muscle):
     (lambda force, rows: 20.0 * np.round(force / 20.0), False),     # a coarse converter
     (lambda force, rows: force, False)])
 def test_a_force_that_stands_still_while_the_muscle_moves_is_said(noisy, force, stuck):
-    """Unless its converter is so coarse that it does so all the time."""
+    """Not reported if the converter is so coarse that equal readings are usual."""
     channels, said = noisy
     rows = (np.arange(240) >= 100) & (np.arange(240) < 125)
     assert ('is constant' in said(force=force(channels['force'], rows))) == stuck

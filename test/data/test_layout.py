@@ -92,7 +92,7 @@ def test_names_and_units_are_the_rows_that_fit_the_columns():
     ('1.5', ',', False), ('1 2', '.', False), ('', '.', False), ('e5', '.', False),
     ('12 N', '.', False), ('1,23.5', '.', False)])
 def test_a_number_has_the_sign_of_its_decimals(cell, decimal, number):
-    """The other one groups thousands."""
+    """The other sign separates thousands."""
     assert is_number(cell, decimal) == number
     assert is_number(f' {cell} ', decimal) == number
 
