@@ -20,6 +20,12 @@ FORMAT = 'fam-bundle-recipe/1'
 _WITH_UNIT = {'rest_length': ('m', 'mm'), 'muscle_length': ('m', 'mm'),
               'ambient_pressure': ('Pa', 'kPa'), 'max_pressure': ('Pa', 'MPa')}
 
+#: Keys without a unit: (types, what is expected in words).
+_TYPES: dict[str, tuple[Any, str]] = {
+    'columns': (dict, 'quantities with their columns'), 'gauge': (bool, 'true or false'),
+    'drop_bad': (bool, 'true or false'), 'sheet': (str, 'a name'),
+    'max_strain': ((int, float), 'a number')}
+
 
 @dataclass(frozen=True)
 class Recipe:
@@ -81,8 +87,7 @@ class Recipe:
             if isinstance(given.get(key), str):
                 given[key] = _quantity(given[key], like, key)
         if 'columns' in given:
-            given['columns'] = {**self.columns, **{str(key): str(value) for key, value in
-                                                   given['columns'].items()}}
+            given['columns'] = {**self.columns, **_as_text(given['columns'])}
         return replace(self, **given)
 
 
@@ -114,16 +119,10 @@ def load_recipe(path: str | Path) -> Recipe:
                              f'{", ".join(known)}')
         if key in _WITH_UNIT:
             content[key] = _quantity(value, _WITH_UNIT[key][0], f'{path.name}: {key}')
-        wanted: dict[str, tuple[type, ...]] = {'columns': (dict,), 'gauge': (bool,),
-                                               'sheet': (str,), 'max_strain': (int, float),
-                                               'drop_bad': (bool,)}
-        if key in wanted and not isinstance(value, wanted[key]):
-            raise InputError(f"{path.name}: {key} is '{value}'; expected "
-                             + {'columns': 'quantities with their columns', 'gauge':
-                                'true or false', 'drop_bad': 'true or false', 'sheet': 'a name',
-                                'max_strain': 'a number'}[key])
-    content['columns'] = {str(key): str(value) for key, value in content.get('columns',
-                                                                             {}).items()}
+        types, words = _TYPES.get(key, (object, ''))
+        if not isinstance(value, types):
+            raise InputError(f"{path.name}: {key} is '{value}'; expected {words}")
+    content['columns'] = _as_text(content.get('columns', {}))
     with about(path.name):
         return Recipe(**content)
 
@@ -158,6 +157,10 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
         turned = taken.sign < 0 if taken.quantity != 'elongation' else taken.sign > 0
         columns[taken.quantity] = ('-' if turned else '') + taken.header + unit
     return replace(recipe, columns=columns)
+
+
+def _as_text(columns: Mapping[Any, Any]) -> dict[str, str]:
+    return {str(key): str(value) for key, value in columns.items()}
 
 
 def _quantity(value: Any, like: str, what: str) -> float:

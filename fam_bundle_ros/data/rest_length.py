@@ -17,6 +17,8 @@ from fam_bundle_ros.data.formats.table import Table
 #: What else a rest length is called above a table.
 _OF_MUSCLE = re.compile('(muscle|actuator|pam|active|gau?ge|specimen|sample)[ _]length|'
                         '(muskel|einspann|mess)l(\u00e4|ae)nge', re.IGNORECASE)
+#: Rows that show with how many decimals a column is written.
+_SOME = 1000
 
 
 class RestLength(NamedTuple):
@@ -112,7 +114,7 @@ def _sum_of_lengths(table: Table) -> float | None:
 
 def _last_digit(values: np.ndarray) -> float:
     """
-    Return what one unit of the last decimal that any of the readings shows is worth.
+    Return the value of one unit of the last decimal that any of the first readings shows.
 
     Examples
     --------
@@ -120,5 +122,5 @@ def _last_digit(values: np.ndarray) -> float:
     0.01
     """
     places = [Decimal(repr(value)).normalize().as_tuple().exponent
-              for value in np.unique(values).tolist()]
+              for value in values[:_SOME].tolist()]
     return float(10.0 ** min(0, *(place for place in places if isinstance(place, int))))

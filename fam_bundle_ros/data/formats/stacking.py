@@ -76,21 +76,20 @@ def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
             list(other.columns) != list(first.columns) or other.units != first.units
             for other in others):
         return None
-    columns = {header: _joined([table.columns[header] for table in tables.values()])
-               for header in first.columns}
     lengths = [len(table.rows) for table in tables.values()]
-    columns, units = _with_levels(columns, dict(first.units), list(tables), lengths)
+    whole = _with_levels(replace(
+        first, blanks=None, rows=np.concatenate([table.rows for table in tables.values()]),
+        columns={header: _joined([table.columns[header] for table in tables.values()])
+                 for header in first.columns},
+        above=tuple(dict.fromkeys(line for table in tables.values() for line in table.above)),
+        notes=(*first.notes, f'read one below the other: {", ".join(tables)}')),
+        list(tables), lengths)
     titles = [titles_of(table) for table in tables.values()]
-    known = {recognise(header, units.get(header, '')).quantity for header in columns}
-    if 'pressure' not in known and all(len(each) == 1 for each in titles) and len(
-            {(title.kind, title.absolute) for title, in titles}) == 1:
-        columns['pressure'] = np.repeat([title.pressure for title, in titles], lengths)
-        units['pressure'] = 'Pa abs' if titles[0][0].absolute else 'Pa'
-    return replace(first, columns=columns, units=units, blanks=None,
-                   above=tuple(dict.fromkeys(line for table in tables.values()
-                                             for line in table.above)),
-                   rows=np.concatenate([table.rows for table in tables.values()]),
-                   notes=(*first.notes, f'read one below the other: {", ".join(tables)}'))
+    if 'pressure' in whole.quantities.values() or any(len(each) != 1 for each in titles) or len(
+            {(title.kind, title.absolute) for title, in titles}) > 1:
+        return whole
+    return _with_pressure(whole, np.repeat([title.pressure for title, in titles], lengths),
+                          'Pa abs' if titles[0][0].absolute else 'Pa')
 
 
 def parts_of_one(tables: Sequence[Table]) -> Table | None:
@@ -204,18 +203,23 @@ def _levels(table: Table) -> Table | None:
                           'each: read one below the other'))
 
 
-def _with_levels(columns: dict[str, np.ndarray], units: dict[str, str], names: Sequence[str],
-                 lengths: Sequence[int]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return columns with a trial, and with the pressure if only the names state it."""
-    known = {recognise(header, units.get(header, '')).quantity for header in columns}
+def _with_levels(table: Table, names: Sequence[str], lengths: Sequence[int]) -> Table:
+    """Return a table with a trial for each name, and the pressure if only the names state it."""
+    known = table.quantities.values()
     levels = [level for name in names if (level := _level(name)) and level.quantity == 'pressure']
     if 'pressure' not in known and len(levels) == len(names) and len(
             {level.unit for level in levels}) == 1:
-        columns = {**columns, 'pressure': np.repeat([level.value for level in levels], lengths)}
-        units = {**units, 'pressure': levels[0].unit}
-    if 'trial' not in known:
-        columns = {**columns, 'trial': np.repeat(np.array(names, object), lengths)}
-    return columns, units
+        table = _with_pressure(table, np.repeat([level.value for level in levels], lengths),
+                               levels[0].unit)
+    if 'trial' in known:
+        return table
+    trial = np.repeat(np.array(names, object), lengths)
+    return replace(table, columns={**table.columns, 'trial': trial})
+
+
+def _with_pressure(table: Table, pressure: np.ndarray, unit: str) -> Table:
+    return replace(table, columns={**table.columns, 'pressure': pressure},
+                   units={**table.units, 'pressure': unit})
 
 
 def _level(name: str) -> _Level | None:
