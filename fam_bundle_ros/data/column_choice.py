@@ -24,7 +24,7 @@ from fam_bundle_ros.data.column_names import (
     recognise,
     STRAINS,
 )
-from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.table import is_unnamed, Table, without_count
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.missing_column import family, missing_column, mostly_text, shown
 from fam_bundle_ros.data.told_columns import Choice, told_column
@@ -98,7 +98,7 @@ class Choices:
         for header, column in self.table.columns.items():
             if header in used:
                 continue
-            first = re.sub(r' \(\d+\)$', '', header)  # the second of two columns of one name
+            first = without_count(header)
             match = recognise(first if first in self.table.columns else header,
                               self.table.units.get(header, ''))
             why = self._why_not(header, column, match, families)
@@ -111,7 +111,7 @@ class Choices:
             found.setdefault(key, []).append((header, match))
         self._one_of_each(found)
         for header in list(self.refused):
-            column, unnamed = self.table.columns[header], re.fullmatch(r'column \d+', header)
+            column, unnamed = self.table.columns[header], is_unnamed(header)
             if 'time' not in self.chosen and 'time' not in self.without and looks_like_time(
                     column) and column[0] != column[-1] and (
                         unnamed or recognise(header).quantity == 'time'):  # Time [hh:mm:ss]

@@ -5,14 +5,13 @@
 from __future__ import annotations
 
 from itertools import takewhile
-import re
 
 import numpy as np
 
 from fam_bundle_ros.data.cell_text import is_statistic
 from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers
 from fam_bundle_ros.data.column_names import recognise
-from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.table import Table, without_count
 from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import InputError
 
@@ -104,7 +103,7 @@ def _cells(table: Table, at: int) -> list[str]:
 def _other_words(table: Table, at: int) -> list[str]:
     """Return the cells of a row that are neither blank nor the header or its unit again."""
     return [cell for cell, header in zip(_cells(table, at), table.columns)
-            if cell and ' '.join(cell.split()) not in (header, re.sub(r' \(\d+\)$', '', header))
+            if cell and ' '.join(cell.split()) not in (header, without_count(header))
             and cell.strip('[](){}<>') != table.units.get(header)]
 
 

@@ -6,7 +6,7 @@ An experiment as a file that a person writes and `fam_bundle measure` drives.
     protocol = read_protocol('spie2021')
     print(duration(protocol), len(segments(protocol)))
 
-A protocol is a list of steps (`fam_bundle_ros.data.segments`) with limits; it comes to numbered
+A protocol is a list of steps (`fam_bundle_ros.data.steps`) with limits; it comes to numbered
 segments (`fam_bundle_ros.data.schedule`), each of which is one trial of the recording.
 """
 
@@ -20,7 +20,7 @@ from typing import Any
 
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.schedule import duration, Limits, minutes, Protocol, Segment, segments
-from fam_bundle_ros.data.segments import (
+from fam_bundle_ros.data.steps import (
     alike,
     Hold,
     Pause,

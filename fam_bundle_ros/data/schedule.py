@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import math
 import random
 
-from fam_bundle_ros.data.segments import (
+from fam_bundle_ros.data.steps import (
     alike,
     Course,
     LEAST_STRAIN,

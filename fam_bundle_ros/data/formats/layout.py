@@ -28,6 +28,7 @@ from fam_bundle_ros.data.cell_text import (
 )
 from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.formats import heads
+from fam_bundle_ros.data.formats.table import is_unnamed
 from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
 
 #: Units of other quantities that stand in a row of units.
@@ -210,7 +211,7 @@ def moved_right(names: list[str], data: Sequence[Sequence[str]]) -> list[str]:
     ['column 1', 'p', 'F']
     """
     last = f'column {len(names)}'
-    if names[-1] != last or any(re.fullmatch(r'column \d+', name) for name in names[:-1]):
+    if names[-1] != last or any(is_unnamed(name) for name in names[:-1]):
         return names
     rows = [row for row in data if len(row) == len(names)]
     first = [row[0] for row in rows]

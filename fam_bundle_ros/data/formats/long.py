@@ -11,15 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-import re
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers, seconds
 from fam_bundle_ros.data.cells import labels as trial_labels
 from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
-from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import InputError
@@ -60,24 +59,24 @@ def wide(table: Table) -> Table:
     rows &= ~bad
     labels, names = _counted(table.columns[signal][rows])
     at, cells = table.rows[rows], table.columns[value][rows]
-    clock, times, clock_unit, instead_of = _clock(table, others, rows)
+    clock = _clock(table, others, rows)
     trial = next((header for header in others if recognise(header).quantity == 'trial'), '')
     told = _counted(trial_labels(table.columns[trial][rows]) if trial else ['1'] * len(at))
-    runs, run_names = _with_resets(table.name, at, names, labels, times, *told)
-    place, first = _places(labels, times, runs)
+    runs, run_names = _with_resets(table.name, at, names, labels, clock.times, *told)
+    place, first = _places(labels, clock.times, runs)
     columns: dict[str, np.ndarray] = {}
     if trial or len(run_names) > 1:
         columns[trial or 'trial'] = np.array(run_names, object)[runs[first]]
-    if clock:
-        columns[clock] = times[first]
+    if clock.header:
+        columns[clock.header] = clock.times[first]
     headers = unique([*columns, *names])[len(columns):]
     for k, header in enumerate(headers):
         columns[header] = _spread(cells[labels == k], place[labels == k], len(first))
     units = {header: unit for header, unit in table.units.items() if header in columns}
-    units |= {clock: clock_unit} if clock_unit else {}
+    units |= {clock.header: clock.unit} if clock.unit else {}
     units |= _units(table, others, rows, labels, headers)
-    unread = [repr(header) for header in others if not re.fullmatch(r'column \d+', header)
-              and header not in (*columns, *qualities, instead_of) and _key(header) not in _UNIT]
+    unread = [repr(header) for header in others if not is_unnamed(header)
+              and header not in (*columns, *qualities, clock.source) and _key(header) not in _UNIT]
     notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
              + (f"; not used: {', '.join(unread)}" if unread else '')]
     if bad.any():
@@ -141,12 +140,20 @@ def _counted(cells: Iterable[Any]) -> tuple[np.ndarray, list[str]]:
     return codes, list(number)
 
 
-def _clock(table: Table, others: Sequence[str], rows: np.ndarray,
-           ) -> tuple[str, np.ndarray, str, str]:
-    """
-    Return the clock: its header, times (R,), its unit, and its header before; '' for none.
+class _Clock(NamedTuple):
+    """Header, times (R,) and unit of a clock, and the column that it is from; '' for none."""
 
-    Of several the one that tells most rows apart. A number's unit is checked by dates beside it.
+    header: str
+    times: np.ndarray
+    unit: str
+    source: str
+
+
+def _clock(table: Table, others: Sequence[str], rows: np.ndarray) -> _Clock:
+    """
+    Return the clock with most different times in some rows.
+
+    The unit of a clock that counts is found from dates in another column, if there are any.
     """
     clocks: dict[str, np.ndarray] = {}
     dates: dict[str, np.ndarray] = {}
@@ -159,17 +166,18 @@ def _clock(table: Table, others: Sequence[str], rows: np.ndarray,
     best = max([*dates, *clocks], default='', key=lambda header: len(np.unique(
         (dates | clocks)[header])))
     if not best:
-        return '', np.zeros(rows.sum()), '', ''
+        return _Clock('', np.zeros(rows.sum()), '', '')
     if best in dates:
         named = best if recognise(best, 's').quantity == 'time' else 'time'
-        return named, dates[best], 's', best
+        return _Clock(named, dates[best], 's', best)
     times = clocks[best]
     span = float(np.nanmax(next(iter(dates.values())))) if dates else 0.0
     since = times - np.nanmin(times)
     if span > 0.0 and np.nanmax(since) > 0.0:
         ratios = span / np.nanmax(since) / _COUNTS
-        return 'time', since * _COUNTS[np.argmin(np.abs(np.log(ratios)))], 's', best
-    return best, times, '', best
+        since = since * _COUNTS[np.argmin(np.abs(np.log(ratios)))]
+        return _Clock('time', since, 's', best)
+    return _Clock(best, times, '', best)
 
 
 def _with_resets(name: str, rows: np.ndarray, names: Sequence[str], labels: np.ndarray,

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.column_names import recognise, STRAINS
-from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.formats.titles import titles_of
 from fam_bundle_ros.data.missing_units import time_unit
 from fam_bundle_ros.data.unit_names import unit_of
@@ -125,7 +125,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
                 if column.dtype.kind == 'f':
                     own = known[at - 1][header].unit or time_unit(table.name, header, column)[0]
                     column, unit = column * own.factor, 's'
-            elif headers.count(header) > 1 or re.fullmatch(r'column \d+', header):
+            elif headers.count(header) > 1 or is_unnamed(header):
                 name = f'{table.name.rpartition(".")[0]} {header}'
             blank = np.full(rows - len(column), np.nan)
             columns[name] = _joined([column, blank])
@@ -139,7 +139,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
 def _blocks(table: Table) -> Table | None:
     """Return groups of the same columns side by side as trials, None for other tables."""
     headers = [header for header, cells in table.columns.items()
-               if not re.fullmatch(r'column \d+', header) or _filled(cells).any()]
+               if not is_unnamed(header) or _filled(cells).any()]
     width = next((at for at, header in enumerate(headers) if _AGAIN.fullmatch(header)), 0)
     first = headers[:width]
     blocks = [headers[at:at + width] for at in range(0, len(headers), width)] if width else []

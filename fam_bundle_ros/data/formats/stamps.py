@@ -11,7 +11,7 @@ import numpy as np
 
 from fam_bundle_ros.data.cells import looks_like_time, numbers, seconds
 from fam_bundle_ros.data.column_names import recognise
-from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.errors import InputError
 
 _SECONDS = re.compile(r'(.*?)[._/ ]?(?:tv_)?(?:sec|secs|seconds)', re.IGNORECASE)
@@ -80,7 +80,7 @@ def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:
         worth = next((worth for word, worth in _FRACTIONS if re.fullmatch(
             rf'{re.escape(match[1])}[._/ ]?(?:tv_)?{word}', beside, re.IGNORECASE)), 0.0)
     else:
-        unnamed = re.fullmatch(r'column \d+', header) and re.fullmatch(r'column \d+', beside)
+        unnamed = is_unnamed(header) and is_unnamed(beside)
         worth = 1e-9 if unnamed and 1e9 < np.nanmin(whole) and np.nanmax(whole) < 4e9 and (
             1e6 < np.nanmax(part) < 1e9) and _are_whole(whole) and _are_whole(part) else 0.0
     return whole + worth * part if worth else None

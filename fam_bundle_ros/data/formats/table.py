@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -135,6 +136,16 @@ def unique(headers: Sequence[Any]) -> list[str]:
         seen[text] = seen.get(text, 0) + 1
         names.append(text if seen[text] == 1 else f'{text} ({seen[text]})')
     return names
+
+
+def is_unnamed(header: str) -> bool:
+    """Return whether a header is a number that `unique` made up."""
+    return re.fullmatch(r'column \d+', header) is not None
+
+
+def without_count(header: str) -> str:
+    """Return a header without the count that `unique` adds to the second of a name."""
+    return re.sub(r' \(\d+\)$', '', header)
 
 
 def plain_columns(frame: Any) -> dict[str, np.ndarray]:
