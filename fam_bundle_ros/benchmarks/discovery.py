@@ -23,7 +23,7 @@ from fam_bundle_ros.campaign.pool import each, Progress
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.diagnose import diagnose
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import family, Options
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.settings import Choices

@@ -17,7 +17,7 @@ import numpy as np
 from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import head, Options
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.special import betainc, erf
 
+from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.rates import begins, BY_CHANCE, ROBUST, spread
 from fam_bundle_ros.data.trial_offsets import trial_offsets
@@ -197,24 +198,31 @@ def second_differences(measurement: Measurement, values: np.ndarray) -> float | 
     """
     Return the white-noise standard deviation from triples of neighbours, N, or None.
 
-    In a static map neighbours are rows of equal strain in the order of their pressure.
+    In a static map neighbours are rows of equal strain in the order of one unit's pressure; the
+    other units have equal pressures. If a bundle has few such rows (random pressures), they are
+    neighbours in the order of the sum of all pressures.
     """
-    order, line = _lines(measurement)
-    v, g = values[order], line[order]
-    x = (measurement.clock if not measurement.is_static else measurement.pressure.sum(-1))[order]
-    if len(v) < 6:
-        return None
-    same = (g[2:] == g[:-2]) & (x[2:] > x[:-2]) & (x[1:-1] > x[:-2])
-    gap = _off_the_line(x, v, same)
-    if measurement.is_static:
-        # a slack stretch reads exactly zero: no noise is visible there
-        f = measurement.force[order]
-        flat = ((f[:-2] == f[1:-1]) & (f[2:] == f[1:-1]))[same]
-        gap = gap[~flat]
+    gap = _gaps(measurement, values, *_lines(measurement))
+    if len(gap) < len(values) // 4 and measurement.is_static and measurement.pressure.shape[1] > 1:
+        total = measurement.pressure.sum(-1)
+        gap = _gaps(measurement, values, total, _strain_levels(measurement))
     if len(gap) < 6:
         return None
     quantum = force_step(measurement.force)
     return max(spread(gap, quantum), quantum / np.sqrt(12.0))
+
+
+def _gaps(measurement: Measurement, values: np.ndarray, x: np.ndarray, line: np.ndarray,
+          ) -> np.ndarray:
+    """Return the deviations of values from the lines through their neighbours, see `_lines`."""
+    order = np.lexsort((x, line))
+    x, v, g = x[order], values[order], line[order]
+    same = (g[2:] == g[:-2]) & (x[2:] > x[:-2]) & (x[1:-1] > x[:-2])
+    if measurement.is_static:
+        # a slack stretch reads exactly zero: no noise is visible there
+        f = measurement.force[order]
+        same &= (f[:-2] != f[1:-1]) | (f[2:] != f[1:-1])
+    return _off_the_line(x, v, same)
 
 
 def _off_the_line(x: np.ndarray, v: np.ndarray, same: np.ndarray) -> np.ndarray:
@@ -234,12 +242,12 @@ def _smoothness(measurement: Measurement, values: np.ndarray, *, by_strain: bool
     A sweep up and down is smooth as it follows in the file, and jumps to and fro between its two
     branches when sorted by strain.
     """
-    level = measurement.pressure.sum(-1)
-    width = max(0.02 * float(np.ptp(level)), 5e3)
-    order = np.arange(len(level))
+    pressure, width = measurement.pressure, _isobar_width(measurement)
+    order = np.arange(len(pressure))
     if by_strain:
-        order = np.lexsort((measurement.strain, np.round(level / width)))
-    x, near = measurement.strain[order], np.abs(np.diff(level[order])) < width
+        order = np.lexsort((measurement.strain, *np.round(pressure / width).T))
+    x = measurement.strain[order]
+    near = np.all(np.abs(np.diff(pressure[order], axis=0)) < width, axis=1)
     step = np.diff(x)
     onward = x[2:] >= x[:-2] if by_strain else step[1:] * step[:-1] > 0
     gap = _off_the_line(x, values[order], onward & near[1:] & near[:-1])
@@ -248,14 +256,25 @@ def _smoothness(measurement: Measurement, values: np.ndarray, *, by_strain: bool
     return float(ROBUST * np.median(np.abs(gap)))
 
 
+def _isobar_width(measurement: Measurement) -> np.ndarray:
+    """Return the difference below which pressures of a map count as equal, (n,), Pa."""
+    return np.maximum(0.02 * np.ptp(measurement.pressure, axis=0), 5e3)
+
+
 def _lines(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
-    """Return a row order and a line label: rows of one line are neighbours in that order."""
+    """Return a coordinate and a line label, (T,): rows of a line are neighbours in its order."""
     if not measurement.is_static:
-        return np.arange(len(measurement)), measurement.trial
-    level = np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, _ONE_STRAIN))
-    _, line = np.unique(level, return_inverse=True)
-    total = measurement.pressure.sum(-1)
-    return np.lexsort((total, line)), line
+        return measurement.clock, measurement.trial
+    unit = varying_unit(measurement)
+    others = np.delete(measurement.pressure / _isobar_width(measurement), unit, axis=1)
+    _, line = np.unique(np.column_stack([_strain_levels(measurement), np.round(others)]), axis=0,
+                        return_inverse=True)
+    return measurement.pressure[:, unit], line.ravel()
+
+
+def _strain_levels(measurement: Measurement) -> np.ndarray:
+    """Return the label of each row's strain, (T,): rows of equal strain have the same one."""
+    return np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, _ONE_STRAIN))
 
 
 def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray, np.ndarray]:

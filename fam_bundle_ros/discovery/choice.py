@@ -16,7 +16,7 @@ from scipy.special import softmax
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.estimates import is_dead
-from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.held_out import (
     held_out,
     held_out_physics,

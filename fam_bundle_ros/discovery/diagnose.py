@@ -7,7 +7,7 @@ Which effect is the model missing? Verdict, effects, ties, and what to measure n
     print(result)
 
 The measurement is reduced to cells (`cells`). Sets of effects are searched (`search`) with one
-likelihood, which has a discrepancy in every model (`covariance`, `evidence`). `posterior` averages
+likelihood, which has a discrepancy in every model (`covariance`, `linear`). `posterior` averages
 over the sets, `verdict` gives the verdict. This module runs these steps and collects the results.
 """
 
@@ -36,7 +36,7 @@ from fam_bundle_ros.discovery.choice import (
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import family, Options

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.posterior import Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle

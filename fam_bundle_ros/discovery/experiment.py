@@ -28,7 +28,7 @@ from fam_bundle_ros.data.protocol import (
 )
 from fam_bundle_ros.data.steps import LEAST_STRAIN, MOST_STRAIN, Pressures, Step
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
+from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.model import Bundle, catalogue, Motion
 
 #: An experiment of a smaller chi2 (three noise standard deviations) does not separate the models.

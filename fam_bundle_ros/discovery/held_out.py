@@ -16,7 +16,7 @@ import numpy as np
 from fam_bundle_ros.data.folds import fold_labels, KINDS
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Hyper
-from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
+from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.rivals import BLIND, rival_error, RIVALS
 from fam_bundle_ros.discovery.surface import Surface
 from fam_bundle_ros.model import Bundle

@@ -17,7 +17,7 @@ import numpy as np
 
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.discovery.covariance import Hyper
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.surface import PRESSURES, STRAINS, Surface
 from fam_bundle_ros.model import Bundle
 
@@ -91,17 +91,20 @@ class Leftover:
         """
         model = self.model
         s = model.sensor_error
-        shared = np.unique(np.concatenate(self.pressure)) if model.n > 1 else self.pressure[0]
         felt_strain = (self.strain - s.strain_bias) / (1.0 + s.strain_gain)
-        felt_pressure = (shared - s.pressure_bias) / (1.0 + s.pressure_gain)
+        bias, gain = (np.broadcast_to(each, model.n)
+                      for each in (s.pressure_bias, s.pressure_gain))
+        felt_pressure = np.unique(np.concatenate(
+            [(p - b) / (1.0 + g) for p, b, g in zip(self.pressure, bias, gain)]))
         with whole(path) as draft, open(draft, 'w', newline='', encoding='utf-8') as file:
             writer = csv.writer(file)
             writer.writerow(['motor_unit', 'strain', 'pressure [kPa]', 'force [N]', 'sd [N]',
                              'odd [N]', 'filling [N]'])
             for i, unit in enumerate(model.motor_units):
                 share = unit.muscles * (1.0 + s.force_gain)
+                shown = felt_pressure * (1.0 + gain[i]) + bias[i]
                 for j, e in enumerate(felt_strain):
-                    values = [np.interp(shared, self.pressure[i], grid[i, j]) / share
+                    values = [np.interp(shown, self.pressure[i], grid[i, j]) / share
                               for grid in (self.even, self.sd, self.odd, self.filling)]
                     writer.writerows([i + 1, f'{e:.10g}', f'{p / 1e3:.10g}', *(
                         f'{value[k]:.5g}' for value in values)]

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from fam_bundle_ros.discovery.estimates import DEAD, unit_of
-from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.fitter import Fit
 
 #: Significance level of the chi-square test for a power law.
 _ALARM = 0.01

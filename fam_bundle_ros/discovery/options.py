@@ -66,10 +66,10 @@ def shapes_of(name: str, model: Bundle) -> list[Effect]:
     """
     Return the other shapes of a head; none for the name of a single shape.
 
-    Shapes that need muscles of several lengths are excluded.
+    Shapes that only some data can show (`Law.needs`) are excluded.
     """
     return [usual(kind, model) for other, kind in catalogue.available().items()
-            if other != name and head(other) == name and not kind.needs_lengths]
+            if other != name and head(other) == name and not kind.needs]
 
 
 @dataclass(frozen=True)
@@ -101,13 +101,14 @@ class Options:
         lengths : int
             Number of different muscle lengths in the analysis.
         """
+        has = {'': True, 'several lengths': lengths > 1, 'length readings': any(
+            taken.quantity == 'length' for taken in cells.data.taken)}
         effects = {effect.name: effect for effect in model.effects}
         for name, kind in catalogue.available().items():
             if name in effects or not kind.candidate or kind.load is not None:
                 continue
-            if kind.place is Place.PNEUMATICS or (kind.needs_time and cells.data.is_static):
-                continue
-            if kind.needs_lengths and lengths < 2:
+            if kind.place is Place.PNEUMATICS or not has[kind.needs] or (
+                    kind.needs_time and cells.data.is_static):
                 continue
             effect = usual(kind, model)
             if not _has_no_parameters(effect) and not _has_no_influence(model, effect, cells):

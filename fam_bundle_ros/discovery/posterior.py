@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import log_softmax, logsumexp
 
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
+from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import folds
 from fam_bundle_ros.discovery.options import head, Names, Options, with_name, without
 from fam_bundle_ros.discovery.search import Search

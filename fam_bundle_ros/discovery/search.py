@@ -18,7 +18,8 @@ import numpy as np
 
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.covariance import Hyper
-from fam_bundle_ros.discovery.evidence import COOLING, Fit, Fitter, Linear
+from fam_bundle_ros.discovery.fitter import COOLING, Fit, Fitter
+from fam_bundle_ros.discovery.linear import Linear, log_evidence
 from fam_bundle_ros.discovery.options import family, Names, Options
 
 Progress = Callable[..., None] | None
@@ -211,10 +212,10 @@ class Search:
         for u in starts[:7]:
             at = Linear.of(priors, u, *self.fitter.linearised(bundle, priors, u, kept))
             for h in hypers:
-                value = self.fitter.log_evidence(h, at)
+                value = log_evidence(self.fitter.covariance, h, at)
                 best = max(best, (value, u), key=lambda pair: pair[0])
             for place in COOLING:
-                value = self.fitter.log_evidence(Hyper(white=place), at)
+                value = log_evidence(self.fitter.covariance, Hyper(white=place), at)
                 white = max(white, (value, u), key=lambda pair: pair[0])
         keys = [p.key for p in priors]
         return Screened(names, best[0] + log_prior, dict(zip(keys, best[1])),

@@ -31,7 +31,7 @@ from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.compare import compare
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import estimates, with_intervals
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.material import Constant, constants, sharings
 from fam_bundle_ros.discovery.options import Names, Options, with_name, without
 from fam_bundle_ros.discovery.posterior import Change, changes, Posterior

@@ -17,7 +17,8 @@ from scipy.linalg import cholesky, solve_triangular
 from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.discovery.cells import averages, Cells, places
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
-from fam_bundle_ros.discovery.evidence import Fitter, Linear
+from fam_bundle_ros.discovery.fitter import Fitter
+from fam_bundle_ros.discovery.linear import Linear
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.laws.discrepancy import DEAD, ROUNDING
 from fam_bundle_ros.model.vocabulary import bound, dahl

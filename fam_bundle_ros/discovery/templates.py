@@ -20,7 +20,7 @@ from fam_bundle_ros.data.grouping import pressure_levels, rms
 from fam_bundle_ros.data.measurement import pressure_labels
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.evidence import Fit
+from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.options import makers
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Effect, Parameter

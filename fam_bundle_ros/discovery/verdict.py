@@ -22,8 +22,9 @@ from fam_bundle_ros.data.measurement import BY_PRESSURE
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fit, Fitter, with_coordinates
+from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
+from fam_bundle_ros.discovery.linear import log_evidence
 from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import catalogue
@@ -130,11 +131,11 @@ def evidence_of_structure(fitter: Fitter, fit: Fit) -> float:
             places = range(len(settings.AMPLITUDES) if axis != 'tau'
                            else len(settings.TIME_LENGTHS))
             tries = [h._replace(**{axis: place}) for place in places]
-            values = [fitter.log_evidence(q, fit.linear) for q in tries]
+            values = [log_evidence(fitter.covariance, q, fit.linear) for q in tries]
             h, best = tries[int(np.argmax(values))], max(best, max(values))
         if h == before:
             break
-    return fitter.log_evidence(fit.hyper, fit.linear) - best
+    return log_evidence(fitter.covariance, fit.hyper, fit.linear) - best
 
 
 @dataclass(frozen=True)

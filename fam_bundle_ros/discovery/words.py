@@ -16,8 +16,8 @@ from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.evidence import Fit, Fitter
 from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, remedy_of
+from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import head
 from fam_bundle_ros.discovery.posterior import Change, Posterior, Trade

@@ -235,7 +235,8 @@ class Bundle:
         total: dict[str, float] = {}
         for _, law, part in self._muscles.laws.at(Place.SENSOR):
             def shown(true, time, rate, part=part, values=self._arguments(law)):
-                read = {part.changes: true, 'time': time, 'strain_rate': rate}
+                read = {part.changes: true, 'time': time, 'strain_rate': rate,
+                        'unit': np.arange(self.n)}
                 return part.function(**values, **{
                     name: value for name, value in read.items() if name in part.arguments})
             bias = shown(0.0, 0.0, 0.0)

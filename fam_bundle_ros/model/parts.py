@@ -104,16 +104,17 @@ class SensorError:
     Errors of the sensors: reading = true (1 + gain) + bias + drift t.
 
     For each channel the bias is in N, Pa or strain, the gain dimensionless, the drift per s; t is
-    the time since the start of the log or rig. ``strain_lag``, s, is the delay of the strain
+    the time since the start of the log or rig. Those of the pressure may differ between motor
+    units, shape (n,). ``strain_lag``, s, is the delay of the strain
     reading; if negative, the other channels are delayed.
     """
 
     force_bias: float = 0.0
     force_gain: float = 0.0
     force_drift: float = 0.0
-    pressure_bias: float = 0.0
-    pressure_gain: float = 0.0
-    pressure_drift: float = 0.0
+    pressure_bias: float | np.ndarray = 0.0
+    pressure_gain: float | np.ndarray = 0.0
+    pressure_drift: float | np.ndarray = 0.0
     strain_bias: float = 0.0
     strain_gain: float = 0.0
     strain_drift: float = 0.0

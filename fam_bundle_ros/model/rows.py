@@ -147,14 +147,15 @@ class _Numbers:
         return one
 
     def error(self, quantity, time, rate):
-        """Return b and g of a sensor whose reading is g x + b; 0 and 1 without error."""
+        """Return b and g of sensors that read g x + b; (n, 1) or numbers, 0 and 1 if exact."""
         bias, gain = 0.0, 1.0
         for _, law, part in self.model.laws.at(Place.SENSOR):
             if part.changes != quantity:
                 continue
             values = {argument: self.parameters[self.model.laws.parameters.index(
                 (law.name, name))] for argument, name in law.names.items()}
-            read = {'time': time, 'strain_rate': rate, **values}
+            units = np.arange(len(self.shape))[:, None]
+            read = {'time': time, 'strain_rate': rate, 'unit': units, **values}
             at_zero, at_one = (
                 applied(part.function, *({**read, quantity: at}[name] for name in part.arguments)
                         )[0] for at in (0.0, 1.0))

@@ -235,6 +235,22 @@ def test_noise_of_a_map_is_that_of_its_lines(muscle):
     assert floor.in_strain_order == pytest.approx(0.5, rel=0.1)
 
 
+@pytest.mark.parametrize('scattered', [False, True])
+def test_a_difference_of_the_units_of_a_bundle_is_no_noise(scattered):
+    """100 kPa in one unit is not 100 kPa in the other: the error of 20 N is smooth in both."""
+    rng = np.random.default_rng(14)
+    e, *p = (grid.ravel() for grid in np.meshgrid(
+        np.linspace(0, 0.2, 9), np.linspace(0.0, 4e5, 6), np.linspace(0.0, 4e5, 6)))
+    p = rng.uniform(0.0, 4e5, (len(e), 2)) if scattered else (
+        np.stack(p, -1) + 300.0 * rng.normal(size=(len(e), 2)))
+    noise = 0.5 * rng.normal(size=len(e))
+    data = build('map', e, p, 1e-4 * p.sum(-1) - 100.0 * e + noise)
+    error = 0.0 if scattered else 5e-5 * (p[:, 0] - p[:, 1])
+    floor = noise_floor(data, noise + error)
+    assert floor.value == pytest.approx(0.5, rel=0.25)
+    assert not floor.hides_loops
+
+
 def test_loops_of_a_map_are_smooth_in_the_file_and_not_by_strain(muscle):
     """Sweeps up and down without a column of time: friction is said to pass for noise."""
     once = np.r_[np.linspace(0, 0.2, 40), np.linspace(0.2, 0, 41)[1:]]

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 
 PRACTICE = [f'p{k:02d}' for k in range(1, 11)]
@@ -56,3 +59,11 @@ def make_sweeps(paper_muscle):
         force = force + noise * rng.standard_normal(len(force))
         return build('sweeps', strain, pressure, force, trial, time)
     return make
+
+
+@pytest.fixture
+def problem(sweeps, paper_muscle):
+    """Return cells of sweeps with friction, a covariance over them, and a fitter."""
+    cells = reduce(paper_muscle, sweeps(paper_muscle.with_effect('coulomb_friction')), most=120)
+    covariance = Covariance(cells, 0.01)
+    return cells, covariance, Fitter(cells, covariance)

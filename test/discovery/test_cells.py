@@ -20,7 +20,9 @@ from fam_bundle_ros.discovery.cells import (
     averages,
     reduce,
     thinned,
+    unknown_direction,
 )
+from fam_bundle_ros.model import load_model
 
 
 @pytest.fixture(scope='module')
@@ -169,3 +171,94 @@ def test_cells_of_a_log_know_their_time_trial_direction_and_speed(sweeps, paper_
     assert cells.largest_force == np.abs(cells.force).max()
     assert cells.noise == pytest.approx(0.6, rel=0.15)
     assert cells.both_ways
+
+
+def test_every_row_is_in_one_cell_and_cells_are_means_of_their_rows(problem):
+    """Counts sum to the rows, and each cell's force is the mean of its rows."""
+    cells, _, _ = problem
+    kept = cells.label >= 0
+    assert cells.count.sum() == kept.sum()
+    k = int(np.argmax(cells.count))
+    rows = cells.label == k
+    assert cells.force[k] == pytest.approx(cells.data.force[rows].mean())
+    assert len(np.unique(cells.data.trial[rows])) == 1
+    assert len(np.unique(cells.data.direction[rows])) == 1
+
+
+def test_a_small_map_is_taken_row_by_row(paper_muscle):
+    """With fewer rows than cells nothing is averaged, and nothing is left out."""
+    strain = np.tile(np.linspace(0, 0.2, 8), 6)
+    pressure = np.repeat(np.linspace(0, 400e3, 6), 8)
+    force = paper_muscle.force(strain, pressure[:, None])
+    cells = reduce(paper_muscle, build('map', strain, pressure, force))
+    assert len(cells) == 48
+    np.testing.assert_allclose(cells.force, force)
+    assert cells.time is None
+    assert not cells.both_ways
+
+
+@pytest.mark.parametrize('gauge', [
+    lambda held: held, lambda held: 5e-4 * np.round(held / 5e-4)], ids=['noise', 'steps'])
+def test_no_row_is_lost_to_the_noise_of_a_gauge_that_stands_still(gauge, paper_muscle):
+    """Held at one strain, 200 s of filling and venting: stays follow the pressure alone."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 200.0, 0.1)
+    strain = gauge(0.1 + 2e-4 * rng.standard_normal(len(time)))
+    pressure = 2e5 - 1.5e5 * np.cos(2.0 * np.pi * time / 40.0) + 500.0 * rng.standard_normal(
+        len(time))
+    data = build('log', strain, pressure[:, None], 1e-4 * pressure, None, time)
+    cells = reduce(paper_muscle, data, most=150)
+    np.testing.assert_array_equal(cells.label < 0, unknown_direction(data))
+    assert np.median(cells.count) > 10
+    widths = [np.ptp(data.pressure[cells.label == k]) for k in range(len(cells))]
+    assert max(widths) < 0.1 * 3e5
+
+
+def test_a_stay_ends_where_a_unit_of_a_bundle_moves_on():
+    """One unit is held, the other goes up in ten levels: no stay has rows of two levels."""
+    rng = np.random.default_rng(0)
+    muscle = load_model('spie2021')
+    level = np.repeat(np.arange(10), 50)
+    pressure = np.column_stack([np.full(500, 3.4e5), 3e4 * level]) + 300.0 * rng.standard_normal(
+        (500, 2))
+    data = build('log', np.full(500, 0.1), pressure, 10.0 + 5.0 * level, None,
+                 0.1 * np.arange(500.0))
+    cells = reduce(muscle, data, most=100)
+    assert (cells.label[1:] >= 0).all()
+    assert all(len(np.unique(level[cells.label == k])) == 1 for k in range(len(cells)))
+    assert len(cells) <= 30  # each level is reached and held
+
+
+
+def test_the_row_with_which_a_trial_begins_is_in_no_cell(sweeps, paper_muscle):
+    """How the muscle came there is in no row; a trial of one row has nothing else and stays."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction'))
+    assert (reduce(paper_muscle, data).label[data.start] == -1).all()
+    one = unknown_direction(data.select(np.r_[True, np.zeros(len(data) - 1, bool)]))
+    assert one.tolist() == [False]
+    assert unknown_direction(data).sum() == len(data.trial_names)
+
+
+def test_rows_at_a_turning_point_are_in_no_cell_but_a_hold_is(paper_muscle):
+    """Where the rate of a slow swing is within its noise; a rest of 2 s at the top is a rest."""
+    time = np.arange(0.0, 12.0, 0.01)
+    phase = np.interp(time, [0, 6, 8, 12], [0, 6.75, 6.75, 11.25])
+    strain = 0.1 + 0.1 * np.sin(2.0 * np.pi * phase / 3.0)
+    strain = strain + 5e-5 * np.random.default_rng(0).standard_normal(len(time))
+    data = build('log', strain, np.full((len(time), 1), 2e5), 50.0 - 100.0 * strain, None, time)
+    out = time[unknown_direction(data)][1:]
+    turns = np.interp([0.75, 2.25, 3.75, 5.25, 8.25, 9.75], phase, time)
+    near = np.abs(out[:, None] - turns)
+    assert near.min(axis=1).max() < 0.1
+    assert near.min(axis=0).max() < 0.1
+    assert reduce(paper_muscle, data).label[(time > 6.2) & (time < 7.8)].min() >= 0
+
+
+def test_averaging_takes_vectors_and_columns_alike(problem):
+    """A matrix of columns is averaged column by column."""
+    cells, _, _ = problem
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((len(cells.data), 3))
+    together = cells.mean(columns)
+    for k in range(3):
+        np.testing.assert_allclose(together[:, k], cells.mean(columns[:, k]))

@@ -20,7 +20,7 @@ from fam_bundle_ros.discovery.choice import (
     within_standard_error,
 )
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import held_out_physics, squares_of_folds
 from fam_bundle_ros.discovery.options import Options, usual
 from fam_bundle_ros.discovery.posterior import changes

@@ -12,7 +12,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import Choices, compare, figures
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.locate import locate
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.templates import _add_hum, describe

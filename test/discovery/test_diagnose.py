@@ -43,6 +43,37 @@ def no_name_above_half(result):
             and all(entry.probability <= 0.5 for entry in result.ranking))
 
 
+def test_a_wrong_rest_length_is_named_and_not_a_gauge(paper_muscle):
+    """Lengths of a muscle that is 4 mm shorter than its model says, 0.3 N of noise."""
+    true_length = paper_muscle.length - 4e-3
+    strain, pressure = (grid.ravel() for grid in np.meshgrid(
+        np.linspace(0.0, 0.2, 9), np.linspace(0.0, 400e3, 7)))
+    force = paper_muscle.force(strain, pressure[:, None]) + np.random.default_rng(5).normal(
+        0.0, 0.3, len(strain))
+    data = read_measurement({'length [mm]': 1e3 * true_length * (1.0 - strain),
+                             'pressure [kPa]': pressure / 1e3, 'force [N]': force},
+                            rest_length=paper_muscle.length)
+    result = diagnose(paper_muscle, data, choices=ALONE)
+    assert result.shapes == ('strain_rest_length',)
+    excess = {each.key: each.value for each in result.parameters}['strain_rest_length.excess']
+    assert excess == pytest.approx(true_length / paper_muscle.length - 1.0, abs=0.005)
+
+
+def test_the_gauge_of_one_unit_of_a_bundle_is_named():
+    """That of MU2 shows 12 kPa too much; 0.5 N of noise on a map of both pressures."""
+    bundle = load_model('spie2021')
+    strain, *pressure = (grid.ravel() for grid in np.meshgrid(
+        np.linspace(0.0, 0.2, 6), np.linspace(0.0, 340e3, 5), np.linspace(0.0, 340e3, 5)))
+    pressure = np.stack(pressure, -1)
+    force = bundle.force(strain, pressure) + np.random.default_rng(2).normal(
+        0.0, 0.5, len(strain))
+    result = diagnose(bundle, build('map', strain, pressure + [0.0, 12e3], force), choices=ALONE)
+    assert result.effects == ('unit_pressure_bias',)
+    bias = {each.key: each.value for each in result.parameters}
+    assert bias['unit_pressure_bias.mu1'] == pytest.approx(0.0, abs=1.5)
+    assert bias['unit_pressure_bias.mu2'] == pytest.approx(12.0, abs=1.5)
+
+
 # --- cases of a rig that shares no code with us ------------------------------------------------
 
 @pytest.fixture(scope='module')

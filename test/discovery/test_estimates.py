@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.discovery.estimates import confounding, estimates, unit_of, with_intervals
-from fam_bundle_ros.discovery.evidence import pinned
+from fam_bundle_ros.discovery.fitter import pinned
 from fam_bundle_ros.discovery.posterior import Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import catalogue

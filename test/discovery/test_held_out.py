@@ -13,7 +13,7 @@ from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery import rivals
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import (
     beyond_cells,
     folds,

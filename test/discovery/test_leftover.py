@@ -13,7 +13,7 @@ from fam_bundle_ros.discovery import rivals, templates
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, splits, squares_of_folds
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Options
@@ -146,6 +146,21 @@ def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscl
     assert error < 0.9
     assert alone > 2.0
     assert left.odd.mean() == pytest.approx(2.0, abs=0.4)
+
+
+def test_a_table_is_of_true_pressures_where_each_gauge_has_its_own_error(tmp_path):
+    """What was left at a reading of mu2 belongs to the pressure that its gauge showed wrongly."""
+    bundle = load_model('spie2021').with_effect('unit_pressure_bias', mu2=20e3).with_effect(
+        'unit_pressure_gain', mu1=0.1)
+    strain, shown = np.array([0.0, 0.2]), np.array([0.0, 200e3, 400e3])
+    even = np.tile(shown / 1e5, (2, 2, 1))
+    none = np.zeros_like(even)
+    Leftover(strain, [shown, shown], even, none, none, none, bundle).write(tmp_path / 'left.csv')
+    with_it = bundle.with_effect(catalogue.get('discrepancy_surface')(
+        table='left.csv', folder=tmp_path))
+    true = [100e3, 150e3]
+    added = with_it.force(0.1, true) - bundle.force(0.1, true)
+    assert added == pytest.approx(1.1 * 1.0 + (1.5 + 0.2))
 
 
 def test_a_table_is_finer_than_the_visits_of_a_fast_log(paper_muscle):

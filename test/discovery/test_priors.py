@@ -126,3 +126,10 @@ def test_beside_a_part_that_grows_with_the_pressure_the_constant_one_may_be_abse
     assert not any(prior.beside for prior in effect_priors(effect, 1, own=True))
     rubber = effect_priors(catalogue.get('bladder_elasticity')(), 1)
     assert not any(prior.beside for prior in rubber)
+
+
+def test_geometry_is_held_by_its_tolerances(paper_muscle):
+    """One width is 4 % of the radius and 1.5 deg of the braid angle."""
+    radius, angle = own_priors(paper_muscle)[:2]
+    assert radius.theta(1.0) / radius.theta(0.0) == pytest.approx(1.04)
+    assert np.degrees(angle.theta(1.0) - angle.theta(0.0)) == pytest.approx(1.5)

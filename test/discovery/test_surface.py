@@ -10,7 +10,7 @@ import pytest
 
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.settings import AMPLITUDES, PRESSURE_LENGTHS, STRAIN_LENGTHS
 from fam_bundle_ros.discovery.surface import _averaged, Surface, way_of
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING

@@ -11,7 +11,7 @@ import pytest
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.settings import Choices, SMALL
 from fam_bundle_ros.discovery.templates import _lagged, bank, describe

@@ -13,7 +13,7 @@ from fam_bundle_ros.discovery import choice
 from fam_bundle_ros.discovery import verdict as verdicts
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
-from fam_bundle_ros.discovery.evidence import Fitter
+from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import folds, HeldOut
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior

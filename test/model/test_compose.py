@@ -243,6 +243,21 @@ def test_unequal_units_have_a_parameter_for_each_but_the_first():
     assert_allclose(unequal / equal, [1.0, 1.02, 1.03, 1.04, 1.05, 1.06, 1.0])
 
 
+def test_gauges_of_a_bundle_have_errors_of_their_own():
+    """Readings of three units with b = 1, 2, 3 kPa and g = 0.01, 0.02, 0.03; none for one."""
+    bias, gain = (catalogue.get(f'unit_pressure_{kind}') for kind in ('bias', 'gain'))
+    assert [p.name for p in bias.active(3)] == ['mu1', 'mu2', 'mu3']
+    assert bias.active(1) == gain.active(1) == ()
+    bundle = Bundle('b', units(3), [mesh(), bias(mu1=1e3, mu2=2e3, mu3=3e3),
+                                    gain(mu1=0.01, mu2=0.02, mu3=0.03)])
+    true = np.array([1e5, 2e5, 3e5])
+    shown = bundle.readings(0.0, 0.1, true)[2]
+    assert_allclose(shown, [102e3, 206e3, 312e3])
+    assert_allclose(bundle.felt(0.1, shown)[1], true)
+    motion = Motion(np.full(2, 0.1), np.tile(shown, (2, 1)), np.zeros(2))
+    assert_allclose(bundle.predict(motion), bundle.force(0.1, true))
+
+
 def test_an_entry_point_adds_a_law_and_replaces_none(monkeypatch):
     """A package's law is listed last; one with the name of ours is not taken."""
     from importlib import metadata

@@ -131,7 +131,8 @@ class Part:
         if self.place is Place.PNEUMATICS:
             return ()
         if self.place is Place.SENSOR:
-            return (self.changes, 'time', 'strain_rate')
+            return (self.changes, 'time', 'strain_rate',
+                    *(('unit',) if self.changes == 'pressure' else ()))
         return (*(name for name in FELT if self.place in _KNOWN_AT.get(name, Place)), *SHAPE,
                 *STEPPING)
 
@@ -169,14 +170,16 @@ class Law:
         For a second shape: the name of the law with the first shape, itself not a variant.
     across_trials : bool
         True if its state carries over from trial to trial of a log.
-    per_unit : bool
-        True if it has a parameter for each motor unit after the first one.
+    per_unit : {'', 'later', 'each'}
+        Whether it has a parameter for each motor unit after the first one, or for each unit of a
+        bundle; then it has none for a single muscle.
     pushes_back : bool
         True if it describes how a muscle resists compression.
     candidate : bool
         False if a diagnosis may not add it to a model.
-    needs_lengths : bool
-        True if muscles of one length cannot determine its parameters.
+    needs : {'', 'several lengths', 'length readings'}
+        What data must have before a diagnosis may add it: muscles of several lengths, or strains
+        that were calculated from readings of the muscle's length.
     leaves : tuple of str
         Kinds of shape (`KINDS`) in the residual of a model without the law.
     remedy : str
@@ -205,10 +208,10 @@ class Law:
     memory: tuple[str, ...] = ()
     variant_of: str = ''
     across_trials: bool = False
-    per_unit: bool = False
+    per_unit: str = ''
     pushes_back: bool = False
     candidate: bool = True
-    needs_lengths: bool = False
+    needs: str = ''
     leaves: tuple[str, ...] = ()
     remedy: str = ''
     look: tuple[str, str] = ('', 'solid')
@@ -275,7 +278,9 @@ class Law:
 
     def active(self, units: int) -> tuple[Parameter, ...]:
         """Return the parameters used in a bundle with ``units`` motor units."""
-        return self.parameters[:max(units - 1, 0)] if self.per_unit else self.parameters
+        count = {'': len(self.parameters), 'later': max(units - 1, 0),
+                 'each': units if units > 1 else 0}
+        return self.parameters[:count[self.per_unit]]
 
     def also(self, place: str, changes: str = '', equilibrium: Callable | None = None
              ) -> Callable[[Callable], Callable]:

@@ -37,8 +37,8 @@ def tondu_factor(strain, pressure, factor, low_pressure, pressure_scale):
     return strain * (factor + low_pressure * fading)
 
 
-@law('geometry', **_FAMILY, variant_of='end_caps', needs_lengths=True, look=('olive', 'dashdot'),
-     off={'dead_length': 0.0, 'share': 0.0},
+@law('geometry', **_FAMILY, variant_of='end_caps', needs='several lengths',
+     look=('olive', 'dashdot'), off={'dead_length': 0.0, 'share': 0.0},
      summary='end effect that depends on length: clamped ends and a share of the whole length',
      source='strain factor of Tondu and Lopez 2000, IEEE CSM 20(2), for the tapered ends; dead '
             'length at the fittings derived',

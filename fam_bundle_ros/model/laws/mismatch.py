@@ -13,7 +13,7 @@ _PARAMETERS: dict[str, Any] = {
     for i in range(2, 7)}
 
 
-@law('geometry', changes='area', family='mismatch', per_unit=True, leaves=('smooth1',),
+@law('geometry', changes='area', family='mismatch', per_unit='later', leaves=('smooth1',),
      look=('indigo', 'dot'), summary='motor units of unequal strength',
      source='up to 10 % between nominally equal muscles; relative cross section derived',
      signature='the error changes sign when the active motor unit changes',

@@ -4,6 +4,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.model.laws.base import law, Parameter
 
 _FAMILY: dict[str, Any] = {
@@ -28,3 +30,35 @@ def pressure_sensor_bias(bias):
 def pressure_sensor_gain(pressure, gain):
     """Pressure reading = pressure (1 + g)."""
     return gain * pressure
+
+
+_OF_UNITS: dict[str, Any] = {**_FAMILY, 'family': 'unit_gauge', 'per_unit': 'each',
+                             'remedy': 'connect all pressure gauges to one line and compare them'}
+_BIASES: dict[str, Any] = {f'mu{i}': Parameter(0.0, 'kPa', -60.0, 60.0, f'offset of unit {i}')
+                           for i in range(1, 7)}
+_GAINS: dict[str, Any] = {f'mu{i}': Parameter(0.0, '1', -0.3, 0.3, f'relative error of unit {i}')
+                          for i in range(1, 7)}
+
+
+def _of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6):
+    """Return the value of a motor unit, 0 after the sixth."""
+    later = np.where(unit == 4, mu5, np.where(unit == 5, mu6, 0.0))
+    middle = np.where(unit == 2, mu3, np.where(unit == 3, mu4, later))
+    return np.where(unit == 0, mu1, np.where(unit == 1, mu2, middle))
+
+
+@law('sensor', **_OF_UNITS, off=dict.fromkeys(_BIASES, 0.0), look=('blue', 'dash'),
+     summary='pressure gauges with an offset of each motor unit',
+     signature='the error has the shape of dF/dP of one motor unit', **_BIASES)
+def unit_pressure_bias(unit, mu1, mu2, mu3, mu4, mu5, mu6):
+    """Pressure reading of unit i = pressure + b_i."""
+    return _of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6)
+
+
+@law('sensor', **_OF_UNITS, off=dict.fromkeys(_GAINS, 0.0), look=('blue', 'dashdot'),
+     summary='pressure gauges with a wrong gain of each motor unit',
+     signature='the error is in proportion to the pressure part of the force of one motor unit',
+     **_GAINS)
+def unit_pressure_gain(unit, pressure, mu1, mu2, mu3, mu4, mu5, mu6):
+    """Pressure reading of unit i = pressure (1 + g_i)."""
+    return pressure * _of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6)

@@ -17,6 +17,19 @@ def strain_sensor_offset(offset):
     return offset
 
 
+@law('sensor', changes='strain', family='strain_sensor', variant_of='strain_sensor_offset',
+     leaves=('smooth0', 'smooth1'), needs='length readings',
+     remedy='measure the rest length and the clamped ends with a calliper',
+     off={'excess': 0.0}, look=('olive', 'dash'),
+     summary='error of the rest length by which length readings were made strains',
+     source='derived: e = 1 - l/L0 with the true L0',
+     signature='the error has the shape of (1 - e) dF/de at every pressure',
+     excess=Parameter(0.0, '1', -0.1, 0.1, 'true rest length over the one in use, minus 1'))
+def strain_rest_length(strain, excess):
+    """Strain reading = 1 - (1 - e)(1 + x)."""
+    return -(1.0 - strain) * excess
+
+
 @law('sensor', changes='strain', family='strain_sensor_lag', leaves=('speed',),
      remedy='log strain and force by one clock and with the same filters',
      off={'lag': 0.0}, look=('olive', 'longdash'),

@@ -3,9 +3,8 @@
 """
 Fit one set of effects to cells: its most probable parameters and its evidence.
 
-The fit is least squares of whitened residuals with the priors as additional rows. The evidence is
-Laplace's approximation at the optimum; parameters at a bound count as fixed. The hyperparameters
-of the discrepancy are found by coordinate ascent on a grid, in small steps, starting from a large
+The fit is least squares of whitened residuals with the priors as additional rows. Parameters and
+hyperparameters of the discrepancy are fitted alternately, in small steps, starting from a large
 white misfit (annealing): otherwise the discrepancy would absorb what physics can explain.
 """
 
@@ -13,16 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-import math
-from typing import NamedTuple
+from functools import cache, cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf
-from scipy.special import log_ndtr
 
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.hyperparameters import along_ridge, ascend, Value
+from fam_bundle_ros.discovery.linear import Linear, log_evidence, pinned
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
 
@@ -36,64 +33,9 @@ _LONGEST = 2.0
 _ROUGH = 0.2
 #: Hyperparameters are final when another place on the grid gains less, in log units.
 _SETTLED = 0.3
-#: Log units below which two places on the grid count as equal.
-_EQUAL = 1e-3
-#: Most grid places of an amplitude per place of a length: 2^(5/2) in quarter decades.
-_RIDGE = 3
-#: Step from an amplitude of zero: the first places on the grid hardly change the evidence.
-_LEAP = 4
 
 #: Coordinates u (p,), and residual (n,) and slopes (n, p) at u.
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-class Linear(NamedTuple):
-    """
-    A model linearised at u: the data from which its evidence follows for any hyperparameters.
-
-    Attributes
-    ----------
-    columns : ndarray, shape (n, k + 1), N
-        Slopes in the k coordinates that are not at a limit, then the residual where these are
-        zero. Order of the coordinates: ordinary ones, those of `others`, sizes that may be zero.
-    own : ndarray, shape (k,)
-        Values of these coordinates.
-    sizes : int
-        Number of sizes that may be zero.
-    others : tuple of (int, int, float)
-        Pairs of which either may be zero: place of the logarithmic coordinate, place of the size,
-        and the value of the former at which the linear model has none of it.
-    constant : float
-        Part of the log evidence that depends only on the priors and the number of cells.
-    """
-
-    columns: np.ndarray
-    own: np.ndarray
-    sizes: int
-    others: tuple[tuple[int, int, float], ...]
-    constant: float
-
-    @classmethod
-    def of(cls, priors: Sequence[Prior], u: np.ndarray, residual: np.ndarray,
-           slopes: np.ndarray) -> Linear:
-        """Return the linear model for residual (n,) and slopes (n, p) at u (p,)."""
-        held = pinned(priors, u)
-        half = np.array([p.kind == 'half' for p in priors], bool)
-        there = {p.key: k for k, p in enumerate(priors) if half[k] and not held[k]}
-        beside = np.array([p.beside in there for p in priors], bool)
-        free = np.concatenate([np.flatnonzero(~held & ~half & ~beside),
-                               np.flatnonzero(~held & beside), np.flatnonzero(~held & half)])
-        own, place = u[free], {k: j for j, k in enumerate(free.tolist())}
-        # u is the logarithm over its width: in the linear model a step of -1 / width gives zero
-        others = tuple((place[k], place[there[p.beside]], float(u[k] - 1.0 / p.width))
-                       for k, p in enumerate(priors) if beside[k] and not held[k])
-        columns = np.empty((len(residual), len(own) + 1), order='F')
-        columns[:, :-1] = slopes[:, free]
-        columns[:, -1] = residual + columns[:, :-1] @ own
-        absent = np.sum(half & held & (u <= 0.0))
-        return cls(columns, own, int(np.sum(half & ~held)), others, float(
-            -np.log(2.0) * absent - 0.5 * np.sum(u[held] ** 2)
-            - 0.5 * len(residual) * np.log(2.0 * np.pi)))
 
 
 @dataclass(frozen=True)
@@ -163,63 +105,6 @@ class Fit:
         return pinned(self.priors, self.u)
 
 
-def pinned(priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
-    """Return which coordinates are at a limit, (p,) bool."""
-    return np.array([not prior.limits[0] + 1e-9 < value < prior.limits[1] - 1e-9
-                     for prior, value in zip(priors, u)], bool)
-
-
-def _log_evidence_of_sizes(factor: np.ndarray, at: Linear, reached: bool) -> float:
-    """
-    Return the correction of the log evidence for sizes that are not negative and may be zero.
-
-    The prior of a size is zero with probability one half, else half-normal. Let m and s be mean
-    and standard deviation of its posterior under a normal prior of width 1. Relative to that
-    prior, a positive size contributes Phi(m / s), and a size of zero contributes half the ratio
-    of posterior to prior density at zero (Dickey 1971, Ann. Math. Stat. 42, 204). If the size is
-    positive, the other size of its law is zero with probability one half (friction proportional
-    to the pressure without a constant part).
-
-    Parameters
-    ----------
-    factor : ndarray, shape (n + k, k + 1)
-        R of the stacked slopes, prior and residual.
-    at : Linear
-    reached : bool
-        Use the sizes at u as means, as in `Fitter.log_evidence`.
-    """
-    k = len(at.own)
-    others = len(at.others)
-    first = k - at.sizes - others
-    # Python floats: called some ten thousand times for 1 to 4 sizes, where numpy is slower
-    rows = factor[first:k, first:k + 1].tolist()
-    root = _inverse_of_upper(rows)
-    sd = [math.hypot(*row) for row in root]
-    mean = at.own[first:].tolist() if reached else [
-        sum(value * right[-1] for value, right in zip(row, rows)) for row in root]
-    above = [float(log_ndtr(m / s)) for m, s in zip(mean, sd)]
-    for place, size, none in at.others:
-        i, j = place - first, size - first
-        away = (none - mean[i]) / sd[i]
-        shared = sum(a * b for a, b in zip(root[i], root[j])) / sd[i]
-        alone = float(log_ndtr((mean[j] + shared * away) / math.sqrt(sd[j] ** 2 - shared ** 2)))
-        gone = 0.5 * (none ** 2 - away ** 2) - math.log(sd[i])
-        above[j] = float(np.logaddexp(above[j], alone + gone)) - math.log(2.0)
-    return sum(float(np.logaddexp(above[j], -0.5 * (mean[j] / sd[j]) ** 2
-                                  - math.log(2.0 * sd[j]))) for j in range(others, len(sd)))
-
-
-def _inverse_of_upper(rows: list[list[float]]) -> list[list[float]]:
-    """Return the inverse of an upper triangular matrix; columns beyond the square are ignored."""
-    size = len(rows)
-    root = [[0.0] * size for _ in rows]
-    for j in range(size):
-        root[j][j] = 1.0 / rows[j][j]
-        for i in range(j - 1, -1, -1):
-            root[i][j] = -sum(rows[i][m] * root[m][j] for m in range(i + 1, j + 1)) / rows[i][i]
-    return root
-
-
 @dataclass
 class Fitter:
     """
@@ -271,36 +156,13 @@ class Fitter:
         mean = self.cells.mean(force)
         return self.cells.force - np.where(np.isfinite(mean), mean, 1e6)
 
-    def log_evidence(self, h: Hyper, at: Linear, reached: bool = False) -> float:
-        """
-        Return the log evidence of a linearised model.
-
-        Parameters
-        ----------
-        reached : bool
-            Use the misfit at u instead of the minimum of the linear model. At a kink (slack
-            tendon, threshold) the nonlinear model does not reach that minimum.
-        """
-        n, k = len(at.columns), len(at.own)
-        # by QR: with slopes that are large and nearly parallel I + B'B is not positive definite
-        stacked = np.zeros((n + k, k + 1), order='F')
-        white = stacked[:n] = self.covariance.whiten(h, at.columns)
-        stacked[n + np.arange(k), np.arange(k)] = 1.0
-        factor = dgeqrf(stacked, overwrite_a=1)[0]
-        diagonal = np.diag(factor)
-        misfit = float(np.sum((white[:, k] - white[:, :k] @ at.own) ** 2) + at.own @ at.own
-                       ) if reached else diagonal[k] ** 2
-        return float(at.constant - 0.5 * misfit - np.log(np.abs(diagonal[:k])).sum()
-                     - self.covariance.log_determinant(h) + self.covariance.log_prior(h)
-                     + (_log_evidence_of_sizes(factor, at, reached) if at.sizes else 0.0))
-
     def evidence_of(self, fit: Fit) -> float:
         """
         Return the log posterior of a set under this covariance, from the fit's linear model.
 
         For a covariance in which some cells carry no information (`Covariance.without`).
         """
-        return fit.log_prior - fit.promise + self.log_evidence(fit.hyper, fit.linear)
+        return fit.log_prior - fit.promise + log_evidence(self.covariance, fit.hyper, fit.linear)
 
     def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
@@ -356,73 +218,15 @@ class Fitter:
         """Return the whitening function for hyperparameters."""
         return lambda values: self.covariance.whiten(h, values)
 
-    def best_hyper(self, h: Hyper, at: Linear, reach: int = 99, fixed: Sequence[str] = (),
-                   reached: bool = False) -> tuple[Hyper, float]:
-        """
-        Return the hyperparameters of the highest log evidence near h, and that log evidence.
+    def best_hyper(self, h: Hyper, at: Linear, fixed: Sequence[str] = ()) -> tuple[Hyper, float]:
+        """Return the hyperparameters of the highest log evidence near h, and that log evidence."""
+        value = self._value(at)
+        best = ascend(h, value, [axis for axis in self.covariance.axes if axis not in fixed])
+        return best, value(best)
 
-        Coordinate ascent on the grid.
-
-        Parameters
-        ----------
-        reach : int
-            Most places on the grid by which each hyperparameter may move.
-        fixed : sequence of str
-            Hyperparameters that do not move.
-        """
-        known: dict[Hyper, float] = {}
-
-        def value(q: Hyper) -> float:
-            if q not in known:
-                known[q] = self.log_evidence(q, at, reached)
-            return known[q]
-
-        first = h
-        value(h)
-        for _ in range(6):
-            before = h
-            for axis in self.covariance.axes:
-                if axis in fixed:
-                    continue
-                if axis in ('strain', 'pressure') and not (h.even or h.odd or h.speed):
-                    continue
-                if axis == 'tau' and not h.slow:
-                    continue
-                for step in (-1, 1, *((_LEAP,) if not getattr(h, axis) else ())):
-                    while True:
-                        place = getattr(h, axis) + step
-                        if not 0 <= place < getattr(GRID, axis) or (
-                                abs(place - getattr(first, axis)) > reach):
-                            break
-                        q = h._replace(**{axis: place})
-                        if value(q) <= value(h) + _EQUAL:
-                            break
-                        h = q
-            if h == before:
-                break
-        return h, known[h]
-
-    def along_ridge(self, h: Hyper, at: Linear, reach: int = 99, reached: bool = False,
-                    ) -> tuple[Hyper, float]:
-        """
-        Return the hyperparameters of the highest log evidence with another length, and its value.
-
-        For a Matern 5/2 covariance the data determine only amplitude / length^(5/2) (Zhang 2004,
-        J. Am. Stat. Assoc. 99, 250), so coordinate ascent stops on this ridge: move both at once.
-        Twice the length means 5.7 times the amplitude, three places of a quarter decade, or
-        fewer where the other length stays. Parameters as in `best_hyper`.
-        """
-        parts = [part for part in ('even', 'odd', 'speed') if getattr(h, part)]
-        moved = [parts] if len(parts) < 2 else [parts, *([part] for part in parts)]
-        places = [h._replace(**{axis: getattr(h, axis) + step},
-                             **{part: getattr(h, part) - step * more for part in some})
-                  for axis in ('strain', 'pressure') for step in (-1, 1)
-                  for more in range(1, min(_RIDGE, reach) + 1) for some in moved if some]
-        places = [q for q in places if all(0 <= place < size for place, size in zip(q, GRID))]
-        values = [self.log_evidence(q, at, reached) for q in (h, *places)]
-        # the first of equal places, so that the choice does not depend on rounding
-        best = next(k for k, value in enumerate(values) if value >= max(values) - _EQUAL)
-        return (h, *places)[best], values[best]
+    def _value(self, at: Linear, reached: bool = False) -> Value:
+        """Return the log evidence of a linear model as a function of the hyperparameters."""
+        return cache(lambda h: log_evidence(self.covariance, h, at, reached))
 
     def first_hyper(self) -> Hyper:
         """Return the small discrepancy from which the climb starts after the annealing."""
@@ -473,7 +277,7 @@ class Fitter:
             h = Hyper(white=place)
             point = self.most_probable(model, priors, point[0], self.whitener(h), iterations,
                                        tolerance, point)
-            value = self.log_evidence(h, Linear.of(priors, *point), reached=True)
+            value = log_evidence(self.covariance, h, Linear.of(priors, *point), reached=True)
             if best is not None and value <= best[0]:
                 break
             best = (value, point, h)
@@ -486,7 +290,7 @@ class Fitter:
         whitened = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + whitened.T @ whitened)
         at = Linear.of(priors, u, residual, slopes)
-        promise = self.log_evidence(h, at) - evidence
+        promise = log_evidence(self.covariance, h, at) - evidence
         return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
                    slopes, evidence, white, log_prior, promise, spread)
 
@@ -498,12 +302,14 @@ class Fitter:
             point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
                                        _ROUGH, point)
             at = Linear.of(priors, *point)
-            now = self.log_evidence(h, at, reached=True)
-            held = self.log_evidence(h, at) > now + _ROUGH
-            better, high = self.best_hyper(h, at, reach, reached=held)
-            if high - now < _SETTLED:
-                better, high = self.along_ridge(better, at, reach, held)
-            found = [(now, point, h), (self.log_evidence(better, at, reached=True), point, better)]
+            linear, reached = self._value(at), self._value(at, reached=True)
+            now = reached(h)
+            value = reached if linear(h) > now + _ROUGH else linear
+            better = ascend(h, value, self.covariance.axes, reach)
+            if value(better) - now < _SETTLED:
+                better = along_ridge(better, value, reach)
+            high = value(better)
+            found = [(now, point, h), (reached(better), point, better)]
             best = max([best, *found] if best else found, key=lambda each: each[0])
             if high - now < _SETTLED:
                 break

@@ -1,0 +1,78 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The sets of effects that may be tried, and their order."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.measurement import Taken
+from fam_bundle_ros.discovery.options import head, Options, shapes_of
+from fam_bundle_ros.discovery.search import _ranked, Screened
+from fam_bundle_ros.discovery.settings import (
+    Choices,
+)
+
+
+@pytest.mark.parametrize('rounding', [-1e-13, 1e-13])
+def test_rounding_does_not_choose_between_sets_that_are_alike(rounding):
+    """Compiled and plain laws differ in the last digit; what is better goes first all the same."""
+    sets = [Screened((name,), value, {}, 0.0, {})
+            for name, value in (('c', 3.0), ('b', 3.0 + rounding), ('d', 2.0), ('e', 4.0))]
+    assert [each.names for each in _ranked(sets, lambda each: each.value)] == [
+        ('e',), ('b',), ('c',), ('d',)]
+
+
+def test_one_change_more_and_one_less_are_inverse(problem, paper_muscle):
+    """Every set with one change more leads back to where it came from."""
+    cells, _, _ = problem
+    options = Options.of(paper_muscle, cells, Choices())
+    further = options.further(options.own)
+    assert all(options.own in options.back(names) for names in further)
+    assert {options.changes(names) for names in further} == {1}
+    assert all(len({head(n) for n in names}) == len(names) for names in further)
+
+
+def test_the_models_own_effects_may_be_replaced_and_removed(problem, paper_muscle):
+    """Another bladder and no bladder are among the sets; the mesh, without numbers, stays."""
+    cells, _, _ = problem
+    options = Options.of(paper_muscle, cells, Choices())
+    further = options.further(options.own)
+    assert ('bladder_polynomial', 'mesh') in further
+    assert ('mesh',) in further
+    assert all('mesh' in names for names in further)
+    assert options.replaced(('bladder_polynomial', 'mesh')) == {
+        'bladder_elasticity': 'bladder_polynomial'}
+    assert options.removed(('mesh',)) == ['bladder_elasticity']
+
+
+def test_shapes_of_one_effect_share_its_prior(problem, paper_muscle):
+    """All shapes of a head together have the odds that are chosen."""
+    cells, _, _ = problem
+    options = Options.of(paper_muscle.without_effect('bladder_elasticity'), cells,
+                         Choices(inclusion=0.2))
+    shapes = [n for n in options.effects if head(n) == 'bladder_elasticity']
+    assert len(shapes) >= 2
+    odds = sum(np.exp(options.log_prior(('mesh', name))) for name in shapes)
+    assert odds == pytest.approx(0.25)
+    assert options.log_prior(options.own) == 0.0
+
+
+def test_an_end_effect_that_goes_with_length_needs_two_lengths(problem, paper_muscle):
+    """Muscles of one length cannot tell it from end caps: there it is not offered."""
+    cells, _, _ = problem
+    law = 'end_effect_of_length'
+    assert law not in Options.of(paper_muscle, cells, Choices()).effects
+    assert law not in {shape.name for shape in shapes_of('end_caps', paper_muscle)}
+    several = Options.of(paper_muscle, cells, Choices(), lengths=2)
+    assert tuple(sorted((law, 'bladder_elasticity', 'mesh'))) in several.further(several.own)
+
+
+def test_a_wrong_rest_length_is_offered_where_lengths_were_read(problem, paper_muscle):
+    """A strain that the file gives itself does not depend on the rest length of the model."""
+    cells, _, _ = problem
+    for quantity, offered in (('length', True), ('contraction', False), ('strain', False)):
+        read = replace(cells, data=replace(cells.data, taken=(Taken('x', quantity),)))
+        options = Options.of(paper_muscle, read, Choices())
+        assert ('strain_rest_length' in options.effects) is offered
