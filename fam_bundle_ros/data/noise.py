@@ -24,15 +24,14 @@ from scipy.special import betainc, erf
 
 from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import begins, ROBUST, spread
-from fam_bundle_ros.data.trials import trial_offsets
+from fam_bundle_ros.data.rates import begins, BY_CHANCE, ROBUST, spread
+from fam_bundle_ros.data.trial_offsets import trial_offsets
 
-#: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
+#: Differences of neighbours show 0.38 of noise with a memory of five rows (AR 0.8).
 _LOOPS = 0.2
-#: Two estimates differ where the noise of one is more than this many times the other's ...
+#: Two estimates differ where the noise of one is more than this many times the other's, and pairs
+#: of one noise would look like it at most as often as `rates.BY_CHANCE`.
 _MATTERS = 1.25
-#: ... and pairs of one noise would look like it at most this often.
-_BY_CHANCE = 0.01
 #: Strains closer than this are one.
 _ONE_STRAIN = 2e-4
 
@@ -112,7 +111,7 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     values = measurement.force if residual is None else residual
     if not measurement.is_static:
         return _floor(measurement, values)
-    # rows of a map are neighbours across its trials: what those differ by is no noise
+    # neighbouring rows of a map are of different trials, whose offsets are not noise
     offsets = trial_offsets(measurement, values)
     if offsets is not None:
         values = values - offsets.rows
@@ -160,7 +159,7 @@ def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
 
 def _chosen(values: np.ndarray, differences: float | None, repeats: float | None,
             visits: float | None, correlation: float, pairs: int) -> NoiseFloor:
-    """Return the floor by the estimate that is to be believed."""
+    """Return the noise floor by the most reliable estimate."""
     note = ''
     if differences is None and repeats is None:
         wide = ROBUST * float(np.median(np.abs(values - np.median(values))))
@@ -173,11 +172,11 @@ def _chosen(values: np.ndarray, differences: float | None, repeats: float | None
     if differences is None:
         return NoiseFloor(repeats, None, repeats, visits, correlation, 'repeats')
     ratio = repeats / max(differences, np.finfo(float).tiny)
-    if _chance_of_less(ratio * _MATTERS, pairs) < _BY_CHANCE:
+    if _chance_of_less(ratio * _MATTERS, pairs) < BY_CHANCE:
         note = ('repeats agree better than neighbours do: the force has a fine ripple that comes '
                 'back each time')
         return NoiseFloor(repeats, differences, repeats, visits, correlation, 'repeats', note)
-    if 1.0 - _chance_of_less(ratio / _MATTERS, pairs) < _BY_CHANCE:
+    if 1.0 - _chance_of_less(ratio / _MATTERS, pairs) < BY_CHANCE:
         note = ('repeats differ more than neighbours do: slow noise, drift, or an effect of '
                 'history or speed')
     return NoiseFloor(differences, differences, repeats, visits, correlation,
@@ -227,7 +226,7 @@ def _gaps(measurement: Measurement, values: np.ndarray, x: np.ndarray, line: np.
 
 
 def _off_the_line(x: np.ndarray, v: np.ndarray, same: np.ndarray) -> np.ndarray:
-    """Return how far middles of triples are off their neighbours' line, scaled to one sample."""
+    """Return the deviation of each middle of three from the line of the others, per sample."""
     span = x[2:] - x[:-2]
     use = same & (span != 0.0)
     left = np.where(use, (x[2:] - x[1:-1]) / np.where(use, span, 1.0), 0.5)
@@ -286,7 +285,7 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     in one. For a static map all rows of one trial in a cell are a visit.
     """
     span = float(np.ptp(measurement.strain))
-    # one strain held at rest is one bin, whatever its last digits
+    # a strain that is held is one bin, whatever its rounding
     held = np.zeros(len(measurement), int)
     parts = [held if span < _ONE_STRAIN else
              np.floor(measurement.strain / span * strains).astype(int)]
@@ -313,7 +312,7 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quant
     if len(again) < 12:
         return None, None, 1.0, len(again)
     a, b = order[again], order[again + 1]
-    # a visit's first sample stands for a sample met again later
+    # the first samples of two visits are compared
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     gap = values[first[a]] - values[first[b]]
     repeats = max(spread(gap, quantum) / np.sqrt(2.0), quantum / np.sqrt(12.0))

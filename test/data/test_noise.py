@@ -16,7 +16,7 @@ from fam_bundle_ros.data.noise import (
     second_differences,
     visit_cells,
 )
-from fam_bundle_ros.data.trials import trial_offsets
+from fam_bundle_ros.data.trial_offsets import trial_offsets
 
 
 def stepped(data, step):
@@ -97,7 +97,7 @@ def test_a_held_muscle_visits_one_strain(muscle):
     (0.7, 10, 'second differences', ''), (0.6, 37, 'second differences', ''),
     (1.5, 15, 'second differences', ''), (1.5, 1000, 'second differences', 'slow noise')])
 def test_repeats_are_believed_only_when_they_clearly_agree_better(repeats, pairs, by, note):
-    """By a quarter, as one noise looks in one of 100 cases; that they agree worse is said."""
+    """If they differ by a quarter with a chance below 1 %; a larger scatter is noted."""
     floor = _chosen(np.zeros(9), 1.0, repeats, None, 1.0, pairs)
     assert floor.basis == by
     assert note in floor.note
