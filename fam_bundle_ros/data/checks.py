@@ -9,7 +9,7 @@ that was probably meant.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,14 +106,32 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
             guess += f', or --{option.replace("_", "-")} for a muscle that goes further'
         raise InputError(f'{name}, row {rows[at]}: {label} is {values[at] / factor:.6g} {shown}'
                          f'; expected {words}{guess}'.replace(' ;', ';'))
-    top = np.abs(values).max()
-    if quantity == 'pressure' and 1.0 < top < 1.5e3 and values.min() > -0.1 * top:
-        # more than the noise of a vented gauge and less than a muscle needs: the unit of the
-        # header is too small
-        guess = _guess(quantity, values / factor, unit, low, high)
+
+
+def check_pressure_units(name: str, columns: Mapping[str, np.ndarray],
+                         units: Mapping[str, tuple[str, float]], allowed: Range) -> None:
+    """
+    Raise `InputError` where all pressures are less than any muscle needs: a unit is too small.
+
+    One column alone may be so small: a motor unit that stays vented, by a gauge with an offset.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray (T,), Pa
+    units : mapping of str to (str, float)
+        Unit that each column was given in and its factor to SI.
+    """
+    for label, values in columns.items():
+        top = np.abs(values).max()
+        # more than the noise of a vented gauge, and not negative as that is
+        if not (1.0 < top < 1.5e3 and values.min() > -0.1 * top):
+            return
+    for label, values in columns.items():
+        unit, factor = units.get(label, (allowed.unit, 1.0))
+        guess = _guess('pressure', values / factor, unit, allowed.low, allowed.high)
         if guess:
-            raise InputError(f'{name}: {label} reaches only {top / factor:.4g} {shown}; '
-                             f'expected {words}{guess}')
+            raise InputError(f'{name}: {label} reaches only {np.abs(values).max() / factor:.4g} '
+                             f'{unit}; expected {allowed.words}{guess}')
 
 
 def _guess(quantity: str, given: np.ndarray, unit: str, low: float, high: float) -> str:

@@ -363,6 +363,8 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
         if quantity in limits:
             checks.check_range(name, label, values, rows, (units or {}).get(label), quantity,
                                limits[quantity])
+    checks.check_pressure_units(name, {label: named[label] for label in labels}, units or {},
+                                limits['pressure'])
     trials = checks.trials_of(name, trial, named.get('time'), rows)
     if trials.order is not None:
         named = {label: values[trials.order] for label, values in named.items()}
@@ -444,8 +446,8 @@ def _new_trials(of_row: np.ndarray, time: np.ndarray | None, rows: np.ndarray) -
 
 def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:
     isometric = np.ptp(strain) < _ONE_STRAIN
-    span = np.ptp(pressure, axis=0).max()
-    isobaric = span < max(1e3, _ONE_PRESSURE * np.abs(pressure).max())
+    held = np.ptp(pressure, axis=0) < max(1e3, _ONE_PRESSURE * np.abs(pressure).max())
+    isobaric = held.all()
     if isometric and isobaric:
         raise InputError(
             f'{name}: neither strain ({strain.mean():.4f}) nor pressure '
@@ -460,7 +462,9 @@ def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -
     if isobaric:
         return [f'one pressure only ({pressure.mean() / 1e3:.1f} kPa): effects of pressure cannot '
                 'be told apart']
-    return []
+    return [f'pressure {unit + 1} of {len(low)} is {pressure[:, unit].mean() / 1e3:.4g} kPa '
+            'throughout: the effect of this pressure cannot be determined'
+            for unit in np.flatnonzero(held)]
 
 
 def _directions(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray, trial: np.ndarray,
