@@ -121,7 +121,7 @@ def check_pressure_units(name: str, columns: Mapping[str, np.ndarray],
     units : mapping of str to (str, float)
         Unit that each column was given in and its factor to SI.
     """
-    for label, values in columns.items():
+    for values in columns.values():
         top = np.abs(values).max()
         # more than the noise of a vented gauge, and not negative as that is
         if not (1.0 < top < 1.5e3 and values.min() > -0.1 * top):
