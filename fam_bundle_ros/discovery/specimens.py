@@ -160,6 +160,8 @@ class Together(Told):
         """Title and text of what is missing, and where."""
         kept = sum(not each.left_out for each in self.verdicts)
         return [('missing in all', ', '.join(self.effects) or 'nothing'),
+                *(('changed in all', str(change)) for change in self.changes
+                  if change.old and change.label not in self.needed),
                 *((f'needed in {len(names)} of {kept}', f"{label} ({', '.join(names)})")
                   for label, names in self.needed.items()),
                 *((f'cannot show {label}', ', '.join(names))

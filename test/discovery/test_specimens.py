@@ -15,9 +15,12 @@ from fam_bundle_ros.discovery import (
     diagnose_specimens,
     read_specimens,
     Specimen,
+    Together,
     write_csv,
 )
+from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.specimen_table import unused_columns
+from fam_bundle_ros.discovery.specimens import Verdict
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model, save_model
 
@@ -93,6 +96,17 @@ def test_a_friction_in_proportion_to_length_is_no_constant(specimens, paper_musc
     assert found.values == pytest.approx([24.0 * length for length in LENGTHS], rel=0.1)
     # the rubber is the same in all: no fit may pass its error on to it
     assert constant(result, 'bladder_elasticity.c10').shared > 0.9
+
+
+def test_what_is_replaced_in_all_is_said():
+    """An effect of one rig is not; both are told by the recordings that need them."""
+    rubber, bias = Change('bladder_elasticity', 'bladder_polynomial'), Change('', 'pressure_bias')
+    verdicts = tuple(Verdict(Specimen(name, ''), own, None, {}, {}, (), False, None)
+                     for name, own in (('a', (rubber,)), ('b', (rubber, bias))))
+    assert Together((rubber,), {}, (), {}, verdicts, (), ()).headlines == [
+        ('missing in all', 'nothing'),
+        ('changed in all', 'bladder_polynomial for bladder_elasticity'),
+        ('needed in 1 of 2', 'pressure_bias (b)')]
 
 
 @pytest.mark.parametrize(('lengths', 'tied'), [(LENGTHS, False), (LENGTHS[::2], True)])
