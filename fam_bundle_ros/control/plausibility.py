@@ -101,20 +101,35 @@ class Travel:
         Change of the pressure, up or down, that a working sensor must show.
     longest : float, s
         Longest interval between readings; a longer gap counts as this.
+    lag : float, s
+        Longest time from a reading to the reading that shows the effect of its command.
 
     Examples
     --------
-    >>> travel = Travel(50e3, 0.01)
+    >>> travel = Travel(50e3, 0.01, 0.02)
     >>> [travel.see(0.01 * k, 200e3, 2e6) for k in range(5)]
     [False, False, False, True, True]
-    >>> travel.see(0.05, 201e3, 2e6)
-    False
+    >>> print(f'{travel.highest / 1e3:.0f} kPa')
+    261 kPa
+    >>> travel.see(0.05, 201e3, 2e6), travel.highest
+    (False, 201000.0)
     """
 
-    def __init__(self, least: float, longest: float):
-        self.least, self.longest = least, longest
+    def __init__(self, least: float, longest: float, lag: float):
+        self.least, self.longest, self.lag = least, longest, lag
+        self.begin()
+
+    def begin(self) -> None:
+        """Reset."""
         self._shown = self._time = math.nan
         self._moved, self._far = 0.0, False
+        #: Times and changes, of which the first is the last that the reading has to show.
+        self._past: deque[tuple[float, float]] = deque()
+
+    @property
+    def highest(self) -> float:
+        """Return the highest pressure, Pa, that the air since that change may give, less a lag."""
+        return self._shown + MOST * max(self._past[0][1] if self._past else 0.0, 0.0)
 
     def see(self, time: float, pressure: float, rate: float) -> bool:
         """
@@ -133,6 +148,10 @@ class Travel:
             self._far = self._far or abs(self._moved) > self.least
         else:
             self._moved, self._far = 0.0, False
+            self._past.clear()
+        self._past.append((time, self._moved))
+        while len(self._past) > 1 and self._past[1][0] <= time - self.lag:
+            self._past.popleft()
         self._shown, self._time = pressure, time
         return self._far
 

@@ -177,12 +177,14 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     slowest = pressure_rate(absolute, volume, volume_rate, venting)
     full, widest = fastest - drift, 1.0
     if settings.reach > 0.0:
-        # A command that is held for too long must not fill above the ceiling.
-        allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, drift)
+        # A command that is held for too long must not fill above the ceiling, not even where the
+        # muscle stops, or its velocity is wrong: no fall of the pressure is counted on.
+        rise = max(drift, 0.0)
+        allowed = max((settings.ceiling + settings.ambient - absolute) / settings.reach, rise)
         # The same for a flow that was learnt below its nominal value and may recover.
         surely = full / min(learnt.fill_flow, 1.0)
-        if drift + surely > allowed:
-            widest = (allowed - drift) / surely
+        if rise + surely > allowed:
+            widest = (allowed - rise) / surely
             fastest = drift + widest * full
     if not state.started:
         start(settings, state, pressure, source, volume, volume_rate)

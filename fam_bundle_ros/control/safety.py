@@ -36,7 +36,7 @@ FROZEN = 'FROZEN'
 LOST = 'LOST'
 #: A pressure loop is silent.
 PID_LOST = 'PID_LOST'
-#: Another controller acts on the same rig.
+#: Another controller acts on the same rig, or another rig sends on the same topics.
 OTHER = 'OTHER'
 #: The process itself was stalled.
 STOPPED = 'STOPPED'

@@ -9,6 +9,7 @@ the stamps of the force by linear interpolation, within the time that all topics
 other topics is a table of their numbers, read as other tables are.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -21,33 +22,32 @@ import numpy as np
 from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
+from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
 _GAP_PERIODS = 20.0
 _GAP = 0.5
-#: Longer arrays are no readings of a few joints.
+#: Arrays with more elements (images, maps) are not read.
 _ARRAY = 16
 
 
-def read_bag(path: Path, *, rest_length: float | None = None,
-             gauge: bool | None = None, ambient_pressure: float = 101325.0,
-             name: str | None = None, max_pressure: float | None = None,
-             max_strain: float | None = None) -> Measurement | None:
+def read_bag(path: Path, recipe: Recipe | None = None, name: str | None = None,
+             ) -> Measurement | None:
     """
     Return the measurement that a bag of a bundle's topics holds, None where one is missing.
 
+    Pressures are absolute, as FluidPressure defines them, unless the recipe says gauge or one is
+    below 60 kPa.
+
     Parameters
     ----------
-    rest_length : float, m, optional
-        Needed where the bag gives the contraction alone.
-    gauge : bool, optional
-        Whether pressures are gauge; by default absolute, as FluidPressure says, unless one is
-        below 60 kPa.
-    ambient_pressure : float, Pa
-    max_pressure, max_strain : float, optional
-        As for `build`.
+    path : path
+    recipe : Recipe, optional
+        Its rest length is needed where the bag gives the contraction alone.
+    name : str, optional
+        For messages and reports; by default the name of the file.
 
     Raises
     ------
@@ -58,15 +58,14 @@ def read_bag(path: Path, *, rest_length: float | None = None,
     with _opened(path, label) as reader:
         topics = _topics(label, reader.connections)
         series = _collect(label, reader, topics) if topics else {}
-    if not series or not series['force'][:, 1].any():  # another axis than x
+    if not series or not series['force'][:, 1].any():  # the force is along another axis
         return None
-    limits = {'max_pressure': max_pressure, 'max_strain': max_strain}
-    return _resample(label, series, rest_length, ambient_pressure, gauge, limits)
+    return _resample(label, series, recipe or Recipe())
 
 
 @contextmanager
 def _opened(path: Path, label: str) -> Iterator[Any]:
-    """Give the reader of a bag; what goes wrong inside is one sentence."""
+    """Open a bag; errors of rosbags inside the block become one sentence."""
     reading, types = (library(f'rosbags.{module}', f'{path.name}: reading a bag')
                       for module in ('highlevel', 'typesys'))
     if path.is_dir() and not (path / 'metadata.yaml').is_file():
@@ -95,16 +94,10 @@ def bag_table(path: Path, name: str | None = None) -> Table:
     with _opened(path, label) as reader:
         wanted = [one for one in reader.connections if not re.search(
             r'/(\w*Image|PointCloud2|OccupancyGrid|Log|ParameterEvent|TFMessage)$', one.msgtype)]
-        for connection, received, raw in reader.messages(connections=wanted):
-            message = reader.deserialize(raw, connection.msgtype)
-            stamp = getattr(getattr(message, 'header', None), 'stamp', None)
-            at = 1_000_000_000 * stamp.sec + stamp.nanosec if stamp is not None else 0
-            for header, value in _numbers(message, connection.topic):
-                stamps.setdefault(header, []).append(at or received)
+        for topic, message, stamp in _messages(label, reader, wanted):
+            for header, value in _numbers(message, topic):
+                stamps.setdefault(header, []).append(stamp)
                 readings.setdefault(header, []).append(value)
-                if len(readings[header]) > MAX_ROWS:
-                    raise InputError(f'{label}: more than {MAX_ROWS} messages on '
-                                     f'{connection.topic}')
     if not stamps:
         raise InputError(f'{label}: no messages with numbers; expected a log')
     clock = np.unique(np.concatenate([*map(np.array, stamps.values())]))
@@ -115,8 +108,21 @@ def bag_table(path: Path, name: str | None = None) -> Table:
     return Table(label, 'ROS 2 bag', columns, {'time': 's'})
 
 
+def _messages(label: str, reader: Any, connections: list[Any]) -> Iterator[tuple[str, Any, int]]:
+    """Yield topic, message and its time in ns: the stamp of its header, else when it came."""
+    count: Counter[str] = Counter()
+    for connection, received, raw in reader.messages(connections=connections):
+        message = reader.deserialize(raw, connection.msgtype)
+        stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+        at = 1_000_000_000 * stamp.sec + stamp.nanosec if stamp is not None else 0
+        yield connection.topic, message, at or received
+        count[connection.topic] += 1
+        if count[connection.topic] > MAX_ROWS:
+            raise InputError(f'{label}: more than {MAX_ROWS} messages on {connection.topic}')
+
+
 def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a message and their paths; of long arrays none."""
+    """Yield the path and the value of each number in a message; long arrays are left out."""
     if isinstance(value, (bool, int, float, np.number)):
         yield path, float(value)
     for name in getattr(value, '__dataclass_fields__', {}):
@@ -157,28 +163,22 @@ def _topics(label: str, connections: Any) -> dict[str, str]:
 
 def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.ndarray]:
     rows: dict[str, list[tuple[float, float]]] = {key: [] for key in topics.values()}
-    wanted = [c for c in reader.connections if c.topic in topics]
-    for connection, received, raw in reader.messages(connections=wanted):
-        message = reader.deserialize(raw, connection.msgtype)
-        key = topics[connection.topic]
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        stamp = stamp or 1e-9 * received
+    wanted = [connection for connection in reader.connections if connection.topic in topics]
+    for topic, message, at in _messages(label, reader, wanted):
+        key = topics[topic]
         if key == 'force':
-            value = float(message.wrench.force.x)
+            value = message.wrench.force.x
         elif key == 'strain':
             names = list(message.name)
-            joint = 'strain' if 'strain' in names else 'contraction'
-            if joint not in names:
-                raise InputError(f"{label}: topic '{connection.topic}' names {names}; expected a "
-                                 "joint 'strain' or 'contraction'")
-            value = float(message.position[names.index(joint)])
-            key = joint
-            rows.setdefault(key, [])
+            key = 'strain' if 'strain' in names else 'contraction'
+            if key not in names:
+                raise InputError(f"{label}: topic '{topic}' names {names}; expected a joint "
+                                 "'strain' or 'contraction'")
+            value = message.position[names.index(key)]
         else:
-            value = float(message.fluid_pressure)
-        rows[key].append((stamp, value))
-        if len(rows[key]) > MAX_ROWS:
-            raise InputError(f'{label}: more than {MAX_ROWS} messages on {connection.topic}')
+            value = message.fluid_pressure
+        seconds, rest = divmod(at, 1_000_000_000)
+        rows.setdefault(key, []).append((seconds + 1e-9 * rest, float(value)))
     series = {}
     for key, pairs in rows.items():
         if key == 'strain' and not pairs and rows.get('contraction'):
@@ -191,9 +191,8 @@ def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.nd
     return series
 
 
-def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | None,
-              ambient_pressure: float, gauge: bool | None,
-              limits: dict[str, float | None]) -> Measurement:
+def _resample(label: str, series: dict[str, np.ndarray], recipe: Recipe) -> Measurement:
+    """Return the measurement of all topics at the stamps of the force."""
     begin = max(table[0, 0] for table in series.values())
     end = min(table[-1, 0] for table in series.values())
     clock = series['force'][:, 0]
@@ -202,6 +201,7 @@ def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | No
     if len(clock) < 2:
         raise InputError(f'{label}: the topics do not overlap in time; expected one recording')
     values = {key: np.interp(clock, table[:, 0], table[:, 1]) for key, table in series.items()}
+    rest_length = recipe.rest_length or recipe.muscle_length
     if 'strain' in values:
         strain = values['strain']
     elif rest_length is None:
@@ -212,17 +212,17 @@ def _resample(label: str, series: dict[str, np.ndarray], rest_length: float | No
     units = [key for key in values if key.startswith('pressure.')]
     pressure = np.stack([values[key] for key in units], -1)
     notes = []
-    if gauge is None and pressure.min() < 60e3:
+    if recipe.gauge is None and pressure.min() < 60e3:
         notes.append(f'lowest pressure {pressure.min() / 1e3:.1f} kPa absolute: taken as gauge, '
                      'as FluidPressure should not be')
-    elif not gauge:
-        pressure = pressure - ambient_pressure
+    elif not recipe.gauge:
+        pressure = pressure - recipe.ambient_pressure
     steps = np.diff(clock)
     gap = max(_GAP, _GAP_PERIODS * float(np.median(steps)))
     trial = np.concatenate([[0], np.cumsum(steps > gap)])
     return build(label, strain, pressure, values['force'], trial, clock - clock[0],
                  [key.partition('.')[2] for key in units], notes=notes,
-                 max_pressure=limits['max_pressure'], max_strain=limits['max_strain'])
+                 max_pressure=recipe.max_pressure, max_strain=recipe.max_strain)
 
 
 def write_bag(measurement: Measurement, folder: str | Path, *,
@@ -286,7 +286,7 @@ def _write(measurement: Measurement, writer: BagWriter, ambient_pressure: float)
 
 
 def _stamps(measurement: Measurement) -> np.ndarray:
-    """Return (T,) stamps in ns, trials one after the other."""
+    """Return the stamps of the messages in ns, (T,); a pause separates the trials."""
     steps = np.diff(measurement.clock)
     fresh = measurement.start[1:]
     usual = float(np.median(steps[~fresh]))

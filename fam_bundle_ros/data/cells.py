@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Cells of a column as numbers: text with words in it, ISO dates, times of day, trial labels."""
+"""From the cells of a column to numbers, to seconds (dates, times of day), or to labels."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import warnings
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.layout import is_blank, is_number
+from fam_bundle_ros.data.cell_text import begins_with_date, CLOCK, is_blank, is_number, number
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
-_CLOCK = re.compile(r'(?:(\d+) days?,?\s+)?(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+|:\d{3})?)\s*'
-                    r'([AaPp][Mm])?')
 _DAY = 86400.0
 
 
@@ -25,7 +23,7 @@ def is_text(column: np.ndarray) -> bool:
 
 
 def blank(cell: Any) -> bool:
-    """Return whether a cell of text holds nothing."""
+    """Return whether a cell is empty or holds a word for no reading, such as nan."""
     return cell is None or cell != cell or (isinstance(cell, str) and is_blank(cell))
 
 
@@ -48,7 +46,7 @@ def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             values[i] = float(cell)
         except (TypeError, ValueError):
             if isinstance(cell, str) and is_number(cell):  # 1,234.5 or 1.5D+02
-                values[i] = float(re.sub('[dD]', 'e', cell.replace(',', '')))
+                values[i] = number(cell)
             else:
                 words[i] = True
     return values, words
@@ -62,8 +60,9 @@ def no_reading(values: np.ndarray) -> float | None:
     """
     Return the number that a logger wrote for no reading, None where there is none: -999, 9999.
 
-    It is of nines alone and farther from each other reading than they are from one another; below
-    zero, than neighbours among them are. One that stands there once is ten times as far.
+    Such a code consists of nines. It is farther from every reading than the readings are from each
+    other (for a negative code: than neighbouring readings are). A code that occurs once must be
+    ten times as far.
 
     Examples
     --------
@@ -94,7 +93,7 @@ def looks_like_time(column: np.ndarray) -> bool:
     if column.dtype.kind in 'mM':
         return True
     first = next((str(cell).strip() for cell in column if not blank(cell)), '')
-    return is_text(column) and bool(_CLOCK.fullmatch(first) or _is_date(first))
+    return is_text(column) and bool(CLOCK.fullmatch(first) or begins_with_date(first))
 
 
 def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -124,11 +123,11 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
     text = ['' if blank(cell) else str(cell).strip() for cell in column]
     filled = [i for i, cell in enumerate(text) if cell]
     values = np.full(len(text), np.nan)
-    matches = [_CLOCK.fullmatch(text[i]) for i in filled]
+    matches = [CLOCK.fullmatch(text[i]) for i in filled]
     if filled and all(matches):
         values[filled] = [_of_clock(match) for match in matches if match]
         clock = values[filled]
-        # the clock starts anew at midnight, one without AM and PM at one
+        # a clock restarts at midnight, a 12-hour clock without AM and PM at one o'clock
         back = np.diff(clock, prepend=clock[:1])
         twelve = (clock < 13.0 / 24.0 * _DAY).all() and (clock >= _DAY / 24.0).all()
         anew = back < (-0.45 if twelve else -0.5) * _DAY
@@ -147,15 +146,10 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
             continue
         values[filled] = (stamps - stamps.iloc[0]).dt.total_seconds()
         return values
-    at = next((i for i, match in zip(filled, matches) if not match and not _is_date(text[i])),
+    at = next((i for i in filled if not (CLOCK.fullmatch(text[i]) or begins_with_date(text[i]))),
               filled[0] if filled else 0)
     raise InputError(f"{name}, row {rows[at]}: {header} is '{text[at][:40]}'; expected a number, "
                      'a date or a time of day')
-
-
-def _is_date(cell: str) -> bool:
-    return re.match(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}|\d{8}T\d{4}',
-                    cell) is not None
 
 
 def _day_first(cells: list[str]) -> bool:

@@ -3,8 +3,8 @@
 """
 Checks of measured arrays: ranges that catch a wrong unit or sign, trials, time stamps.
 
-A reading outside a range is a slip of the header, not physics; the message names the unit that
-was probably meant.
+A reading outside its range usually has a wrong unit in the header; the message names the unit
+that was probably meant.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from fam_bundle_ros.errors import InputError
 #: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
 MAX_PRESSURE = 1.2e6
 MAX_STRAIN = 0.6
-#: Share of the usual distance of rows within which they have come in one packet.
+#: Rows closer in time than this share of the usual step came in one packet.
 _PACKET = 0.1
-#: A log that stands still as long, s, has paused, where its steps are far shorter.
+#: s: a longer step is a pause of the log, if the usual step is far shorter.
 _PAUSE = 5.0
-#: Rows whose times go back by no more usual steps were written in another order.
+#: Times that go back by at most so many usual steps: the rows were written out of order.
 _SWAPPED = 3.0
 #: Variance inflation beyond which a column follows another one (the usual rule is 5 to 10).
 _INFLATION = 5.0
 
 
 class Range(NamedTuple):
-    """What readings of a quantity may be: lowest, highest (SI), SI unit, words, option."""
+    """Range of a quantity: lowest, highest (SI), SI unit, in words, option to widen it."""
 
     low: float
     high: float
@@ -40,11 +40,11 @@ class Range(NamedTuple):
     option: str
 
 
-#: Up to here a reading may be meant: hydraulic muscles (Pa), a muscle that vanishes.
+#: Readings up to here may be right: hydraulic muscles (Pa), a muscle of length zero.
 _HIGHEST = {'pressure': 1e8, 'strain': 1.0}
-#: A guess is worth making only if the largest reading then is at least this.
+#: A unit is suggested only if the largest reading in it is at least this.
 _SMALLEST = {'pressure': 20e3, 'strain': 0.02, 'force': 5.0}
-#: What people write instead: (what the header probably should have said, factor to SI).
+#: Units that the header probably should have said, and their factors to SI.
 _GUESSES = {
     'pressure': (('kPa', 1e3), ('Pa', 1.0), ('MPa', 1e6), ('bar', 1e5), ('psi', 6894.757)),
     'strain': (('%', 0.01), ('1', 1.0)),
@@ -108,8 +108,8 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
                          f'; expected {words}{guess}'.replace(' ;', ';'))
     top = np.abs(values).max()
     if quantity == 'pressure' and 1.0 < top < 1.5e3 and values.min() > -0.1 * top:
-        # hardly any pressure at all, and not the noise of a vented gauge: the header's unit is
-        # too small
+        # more than the noise of a vented gauge and less than a muscle needs: the unit of the
+        # header is too small
         guess = _guess(quantity, values / factor, unit, low, high)
         if guess:
             raise InputError(f'{name}: {label} reaches only {top / factor:.4g} {shown}; '
@@ -127,10 +127,9 @@ def _guess(quantity: str, given: np.ndarray, unit: str, low: float, high: float)
 
 def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> list[str]:
     """
-    Return what is odd about signs and sizes: a muscle pulls, and less when it is shorter.
+    Return notes on unusual signs and sizes: a muscle pulls, and pulls less when it is shorter.
 
-    A plane is fitted to the force; its slopes are spoken of only where they carry most of what
-    the plane explains.
+    The signs are those of the partial correlations of the force with strain and pressure.
 
     Parameters
     ----------
@@ -154,11 +153,11 @@ def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> li
 
 class Correlations(NamedTuple):
     """
-    How the force goes with strain at equal pressure, and with pressure at equal strain, -1 to 1.
+    Partial correlation of the force with strain (at equal pressure) and with pressure, -1 to 1.
 
-    Partial correlations, by a plane; 0 where a quantity does not vary. Where the strain follows
-    the pressure (a load hangs on the muscle) there is no equal pressure to speak of: ``follows``
-    is how it does then, otherwise 0, that with strain is 0, and that with pressure the plain one.
+    0 where a quantity does not vary. Where the strain follows the pressure (a load hangs on the
+    muscle) the two cannot be separated: ``follows`` is then the correlation of strain and
+    pressure, otherwise 0; ``along_strain`` is 0 and ``along_pressure`` the plain correlation.
     """
 
     along_strain: float
@@ -168,7 +167,7 @@ class Correlations(NamedTuple):
 
 def partial_correlations(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
                          ) -> Correlations:
-    """Return how force, strain and pressure, (T,) each, go together."""
+    """Return the partial correlations of force, strain and pressure, (T,) each."""
     centred = []
     for values in (strain, pressure, force):
         gap = values - values.mean()
@@ -188,7 +187,7 @@ def partial_correlations(strain: np.ndarray, pressure: np.ndarray, force: np.nda
 
 
 class Trials(NamedTuple):
-    """Index of each row's trial, names, and the row order that puts each trial together."""
+    """Trial of each row, names of the trials, and the row order in which trials are contiguous."""
 
     of_row: np.ndarray
     names: tuple[str, ...]
@@ -209,7 +208,7 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
         if time is None:
             return Trials(np.zeros(len(rows), int), ('0',), None)
         back, few = np.diff(time) < 0, max(1, len(rows) // 50)
-        # a clock that restarts a few times is a file of several trials; many times is disorder
+        # a clock that goes back a few times: several trials; many times: rows out of order
         if back.sum() > few:
             raise _disorder(name, time, np.zeros(len(rows), int), ('0',), rows)
         usual = usual_step(time, np.zeros(len(rows), int))
@@ -234,7 +233,7 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
 
 
 def pauses(time: np.ndarray) -> np.ndarray:
-    """Return the steps of a clock, (T - 1,) bool, in which nothing was logged: 5 s at least."""
+    """Return which steps of a clock, (T - 1,) bool, are pauses of the log: 5 s at least."""
     usual = usual_step(time, np.zeros(len(time), int)) if len(time) > 1 else 1.0
     return np.diff(time) > max(_PAUSE, PAUSE_STEPS * usual)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Channels that were sampled at times of their own, brought to the times of the slowest."""
+"""Clocks of a table: counters that wrap, and channels that were sampled at their own times."""
 
 from __future__ import annotations
 
@@ -10,18 +10,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.column_names import dimension_of
 from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.vocabulary import dimension_of, recognise
 from fam_bundle_ros.errors import about, InputError
 
-#: Channels of one clock have at least this share of the readings of the slowest in common rows.
+#: Share of the slowest channel's readings that are in rows with all channels, if of one clock.
 _TOGETHER = 0.5
-#: Steps of a clock differ by no more than this share of one.
+#: Largest difference between the steps of an even clock, as a share of a step.
 _EVEN = 0.05
-#: Where counters begin anew, and how even the step is in which they do, as a share of the usual.
+#: Values at which counters wrap, and how far the step across the wrap may be from the usual
+#: step, as a share of it.
 _COUNTERS = 2.0 ** 16, *(2.0 ** 32 / count for count in (1, 1e3, 1e6)), 86400.0, 864e5
 _ANEW = 0.3
+#: Clocks of which only the seconds of the minute or of the hour are written, in s and ms.
+_DIALS = 60.0, 3600.0, 60e3, 3600e3
 
 
 def same_name(header: str, other: str) -> bool:
@@ -40,23 +43,30 @@ def same_name(header: str, other: str) -> bool:
 
 def run_on(clock: np.ndarray) -> tuple[np.ndarray, float]:
     """
-    Return a clock that runs on where its counter began anew, and at how much that did; 0 for none.
+    Return a clock without the wraps of its counter, and the value at which it wraps; 0 for none.
 
-    Counters of 16 and 32 bits do, those of microseconds shown as ms or s too, and seconds of a
-    day.
+    Counters of 16 and 32 bits begin anew, also those of microseconds shown as ms or s, seconds of
+    a day, and the seconds of a minute or of an hour. A clock that restarts with each trial
+    restarts at the reading at which it first began: trials of just a minute are none of these.
 
     Examples
     --------
     >>> run_on(np.array([65500.0, 65520.0, 4.0, 24.0]))
     (array([65500., 65520., 65540., 65560.]), 65536.0)
+    >>> run_on(np.array([58.0, 59.0, 0.0, 1.0]))
+    (array([58., 59., 60., 61.]), 60.0)
     """
     known = np.flatnonzero(np.isfinite(clock))
-    steps = np.diff(clock[known])
+    readings = clock[known]
+    steps = np.diff(readings)
     if not (steps < 0.0).any() or not (steps > 0.0).any():
         return clock, 0.0
     usual = np.median(steps[steps > 0.0])
-    for period in _COUNTERS:
+    for period in (*_COUNTERS, *_DIALS):
         anew = (steps < 0.0) & (np.abs(steps + period - usual) < _ANEW * usual)
+        if period in _DIALS and not (0.0 <= readings.min() and readings.max() < period and (
+                np.abs(readings[1:][anew] - readings[0]) > usual).all()):
+            continue
         if anew.any():
             clock = clock.copy()
             clock[known[1:]] += period * np.cumsum(anew)
@@ -78,7 +88,7 @@ def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str
     """
     order = list(table.columns)
     clocks = [header for header in order if header == clock or same_name(header, clock)
-              and recognise(header, table.units.get(header, '')).quantity == 'time']
+              and table.meaning(header).quantity == 'time']
     return {key: max((one for one in clocks if order.index(one) < order.index(header)),
                      key=order.index, default=clock) for key, header in headers.items()}
 
@@ -118,9 +128,10 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
 def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray],
                 ) -> tuple[dict[str, np.ndarray], str] | None:
     """
-    Return readings at the times of the slowest channel, nan beyond those of another, and which.
+    Return readings at the times of the slowest channel, and the name of this channel.
 
-    None where the channels have the same times in each row: nothing is to be done.
+    Readings beyond the times of another channel are nan. None where the channels have the same
+    times in each row.
 
     Parameters
     ----------
@@ -159,13 +170,13 @@ def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:
-    """Return whether two clocks show the same wherever both show something."""
+    """Return whether two clocks are equal in all rows in which both have a reading."""
     both = np.isfinite(one) & np.isfinite(other)
     return bool(both.any()) and np.array_equal(one[both], other[both])
 
 
 class Together(NamedTuple):
-    """Readings at the times of one channel, in which rows it has any, and whose clock is whose."""
+    """Readings at the times of one channel, its rows, and the clock of each quantity."""
 
     values: dict[str, np.ndarray]
     time: np.ndarray
@@ -178,9 +189,9 @@ def bring_together(table: Table, clock: str, headers: Mapping[str, str],
                    values: Mapping[str, np.ndarray], seconds: Callable[[str], np.ndarray],
                    ) -> Together | None:
     """
-    Return readings and times in which all quantities stand together.
+    Return readings of all quantities at common times.
 
-    None where they do as they are.
+    None where each row of the table already has them.
 
     Parameters
     ----------

@@ -15,9 +15,9 @@ from fam_bundle_ros.data.grouping import merge, pressure_levels, strain_bins, va
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.errors import InputError
 
-#: Kinds of folds in the order in which they are to be preferred, and what one of them is called.
+#: Kinds of folds in order of preference, and what their groups are called.
 KINDS = {'trial': 'trials', 'isobar': 'isobars', 'strain': 'inner strain levels'}
-#: A strain level is inner where others are on either side: interpolation, as users do.
+#: Strain bins of a log; only bins with others on both sides are held out (interpolation).
 _STRAIN_BINS = 8
 
 
@@ -46,7 +46,7 @@ def fold_labels(data: Measurement, by: str, most: int = 8) -> np.ndarray:
     if by == 'isobar':
         level, _ = pressure_levels(data.pressure[:, varying_unit(data)])
         return merge(level, most)
-    # a map has strain levels, a log is cut into as many bins
+    # a map has strain levels; the strains of a log are binned
     level, means = pressure_levels(data.strain, 60)
     if len(means) > 30 or np.ptp(data.strain) < 1e-4:
         level, _ = strain_bins(data.strain, _STRAIN_BINS)

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Groups of samples that people think in: isobars, strain bins, reversals."""
+"""Groups of samples: isobars, strain bins, reversals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.
     span = ordered[-1] - ordered[0]
     if span <= 0:
         return np.zeros(len(column), int), column[:1].copy()
-    # a gap is a step far larger than what lies within an isobar
+    # a gap between isobars is far larger than the steps within one
     steps = np.diff(ordered)
     edges = ordered[:-1][steps > span / 60] + steps[steps > span / 60] / 2
     index = np.searchsorted(edges, column)
@@ -59,7 +59,7 @@ def strain_bins(strain: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def merge(labels: np.ndarray, most: int) -> np.ndarray:
-    """Return at most so many blocks, neighbours of the label order taken together."""
+    """Return labels 0, 1, ... of at most ``most`` blocks; neighbouring labels are merged."""
     _, index = np.unique(labels, return_inverse=True)
     count = int(index.max()) + 1
     return index if count <= most else index * most // count

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.errors import InputError
 
-#: s between two recordings, where nobody knows how long it was.
+#: s assumed between two recordings, whose distance in time is not known.
 _BETWEEN = 60.0
 
 
@@ -40,17 +41,17 @@ def join(recordings: Sequence[Measurement]) -> Measurement:
     parts: dict[str, Any] = {
         name: np.concatenate([getattr(each, name) for each in recordings]) for name in (
             'strain', 'pressure', 'force', 'strain_rate', 'direction', 'direction_basis')}
-    dropped: dict[str, int] = {}
+    dropped: Counter[str] = Counter()
     for each in recordings:
-        for reason, count in each.dropped.items():
-            dropped[reason] = dropped.get(reason, 0) + count
+        dropped.update(each.dropped)
     return replace(
         first, name=' + '.join(each.name for each in recordings), sha256='', **parts,
         trial=np.concatenate([each.trial + k for each, k in zip(recordings, trials)]),
         trial_names=tuple(f'{each.name} {name}' for each in recordings
                           for name in each.trial_names),
         time=None if first.is_static else _one_clock(recordings),
-        rate_noise=max(each.rate_noise for each in recordings), dropped=dropped, first_dropped={},
+        rate_noise=max(each.rate_noise for each in recordings),
+        dropped=dict(dropped), first_dropped={},
         notes=tuple(dict.fromkeys(f'{each.name}: {note}' for each in recordings
                                   for note in each.notes)))
 

@@ -22,22 +22,22 @@ import numpy as np
 
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
-from fam_bundle_ros.data.lost import what_was_lost
+from fam_bundle_ros.data.dropouts import what_was_lost
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.told import Told
 
-#: Fewer rows than this cannot carry a comparison.
+#: A comparison needs at least so many rows.
 MIN_ROWS = 12
 #: More rows than this are refused before they are held in memory (about 0.5 GB of arrays).
 MAX_ROWS = 5_000_000
-#: The best load cells are good to this share of the largest force; what is less is rounding.
+#: Resolution of the best load cells, as a share of the largest force.
 RESOLUTION = 1e-4
-#: Strain (0.3 um of 300 mm) and share of the largest pressure that no sensor tells from rest.
-_REST_STRAIN, _REST_PRESSURE = 1e-6, 0.01
-#: Less than this is one strain, and one pressure (share of the largest).
+#: Strain that no sensor tells from rest: 0.3 um of 300 mm.
+_REST_STRAIN = 1e-6
+#: Smaller ranges are one strain, and one pressure (share of the largest).
 _ONE_STRAIN, _ONE_PRESSURE = 1e-4, 0.01
 
-#: Why a row is left out, before the name of what it lacks.
+#: Reason for which a row is left out; the name of the quantity follows.
 _WITHOUT = 'without a number in'
 
 #: What `Measurement.direction` was read from.
@@ -136,7 +136,7 @@ class Measurement(Told):
 
     def __post_init__(self) -> None:
         if len(self.direction_basis) != len(self.direction):
-            # made by hand with a direction alone: that of the strain
+            # made without a basis: the direction is that of the strain
             object.__setattr__(self, 'direction_basis',
                                np.where(self.direction != 0, BY_STRAIN, REST))
 
@@ -145,18 +145,18 @@ class Measurement(Told):
 
     @property
     def is_static(self) -> bool:
-        """True for a map without time, in which nothing that depends on history can be seen."""
+        """True for a map without time: effects that depend on history cannot be seen in it."""
         return self.time is None
 
     @property
     def is_held(self) -> bool:
-        """True where most directions are of the pressure, at a strain that rests."""
+        """True if most directions were read from the pressure, at a constant strain."""
         basis = self.direction_basis
         return bool(np.sum(basis == BY_PRESSURE) > np.sum(basis == BY_STRAIN))
 
     @property
     def ways(self) -> tuple[str, str]:
-        """What directions +1 and -1 are, in words."""
+        """Names of the directions +1 and -1."""
         return ('filling', 'venting') if self.is_held else ('shortening', 'lengthening')
 
     @property
@@ -247,9 +247,12 @@ class Measurement(Told):
 
 def pressure_labels(measurement: Measurement) -> list[str]:
     """Return the pressure columns' names: `pressure`, or `pressure.mu1`, ... for a bundle."""
-    if measurement.pressure.shape[1] == 1:
-        return ['pressure']
-    return [f'pressure.{name}' for name in measurement.motor_units]
+    return labels_of(measurement.motor_units)
+
+
+def labels_of(motor_units: Sequence[str]) -> list[str]:
+    """Return the names of the pressures of motor units: `pressure` where there is one."""
+    return ['pressure'] if len(motor_units) == 1 else [f'pressure.{name}' for name in motor_units]
 
 
 def counted(number: int, noun: str) -> str:
@@ -263,11 +266,9 @@ def file_digest(path: str | Path) -> str:
     if not path.is_dir():
         with path.open('rb') as stream:
             return hashlib.file_digest(stream, 'sha256').hexdigest()
-    whole = hashlib.sha256()
-    for file in sorted(path.rglob('*')):
-        if file.is_file():
-            whole.update(f'{file.relative_to(path)} {file_digest(file)}\n'.encode())
-    return whole.hexdigest()
+    files = (file for file in sorted(path.rglob('*')) if file.is_file())
+    listed = ''.join(f'{file.relative_to(path)} {file_digest(file)}\n' for file in files)
+    return hashlib.sha256(listed.encode()).hexdigest()
 
 
 def write_csv(measurement: Measurement, path: str | Path,
@@ -280,23 +281,19 @@ def write_csv(measurement: Measurement, path: str | Path,
     extra : dict of str to ndarray (T,), optional
         More columns, named with their unit, such as ``'model_force [N]'``.
     """
-    header, columns = [], []
+    columns: dict[str, list[str]] = {}
     if measurement.time is not None:
-        header, columns = ['time [s]'], [[f'{t:.6g}' if t < 1e3 else f'{t:.6f}'
-                                          for t in measurement.time]]
-    header += ['trial', 'strain'] + [f'{label} [kPa]' for label in pressure_labels(measurement)]
-    columns.append([measurement.trial_names[i] for i in measurement.trial])
-    columns.append([f'{v:.7g}' for v in measurement.strain])
-    columns += [[f'{v / 1e3:.6g}' for v in values] for values in measurement.pressure.T]
-    header.append('force [N]')
-    columns.append([f'{v:.6g}' for v in measurement.force])
-    for label, values in (extra or {}).items():
-        header.append(label)
-        columns.append([f'{v:.6g}' for v in values])
+        columns['time [s]'] = [f'{t:.6g}' if t < 1e3 else f'{t:.6f}' for t in measurement.time]
+    columns['trial'] = [measurement.trial_names[i] for i in measurement.trial]
+    columns['strain'] = [f'{value:.7g}' for value in measurement.strain]
+    for label, values in zip(pressure_labels(measurement), measurement.pressure.T):
+        columns[f'{label} [kPa]'] = [f'{value / 1e3:.6g}' for value in values]
+    for label, values in {'force [N]': measurement.force, **(extra or {})}.items():
+        columns[label] = [f'{value:.6g}' for value in values]
     with whole(path) as draft, open(draft, 'w', newline='', encoding='utf-8') as stream:
         writer = csv.writer(stream)
-        writer.writerow(header)
-        writer.writerows(zip(*columns))
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values()))
 
 
 def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray,
@@ -306,7 +303,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
           units: Mapping[str, tuple[str, float]] | None = None, max_pressure: float | None = None,
           max_strain: float | None = None) -> Measurement:
     """
-    Check SI arrays and make a `Measurement` of them: the one gate that every reader uses.
+    Check SI arrays and return them as a `Measurement`; every reader calls this.
 
     Rows without a finite number in every column are left out and counted. Rows that share a time
     stamp are left out too where they repeat the row before in all columns (a row written
@@ -344,7 +341,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     if len(force) > MAX_ROWS:
         raise InputError(f'{name}: {len(force)} rows; expected at most {MAX_ROWS} '
                          '(decimate or split the log)')
-    labels = ['pressure'] if pressure.shape[1] == 1 else [f'pressure.{m}' for m in motor_units]
+    labels = labels_of(motor_units)
     named = {'strain': strain, 'force': force, **dict(zip(labels, pressure.T))}
     if time is not None:
         named['time'] = time
@@ -403,7 +400,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
 
 def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarray | None,
               ) -> tuple[np.ndarray, dict[str, int], dict[str, int]]:
-    """Return the rows to keep, (T,) bool, what the others lack, and the first row without each."""
+    """Return the rows to keep, (T,) bool, and by missing quantity the count and the first row."""
     keep = np.ones(len(rows), bool)
     dropped, first = {}, {}
     for label, values in named.items():
@@ -418,7 +415,8 @@ def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarr
         again = shared.copy()
         for values in (*named.values(), *([] if trial is None else [trial])):
             again &= values[kept[1:]] == values[kept[:-1]]
-        # readings that stand still under a coarse clock are no repeats: others then move
+        # under a coarse clock equal rows may be samples at rest; then other rows of equal time
+        # differ
         if again.any() and again.sum() > 0.9 * shared.sum():
             dropped['that repeat the row before'] = int(again.sum())
             keep[kept[1:][again]] = False
@@ -426,7 +424,7 @@ def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarr
 
 
 def _new_trials(of_row: np.ndarray, time: np.ndarray | None, rows: np.ndarray) -> list[str]:
-    """Return what to look at where the clock pauses, or goes back for a few rows."""
+    """Return notes on trials that begin at a pause of the clock, or where it goes back oddly."""
     begin = np.flatnonzero(np.diff(of_row)) + 1
     steps = np.zeros(0) if time is None else time[begin] - time[begin - 1]
     notes = [f'the clock pauses for {step:.3g} s before row {rows[at]}: a new trial'
@@ -475,9 +473,9 @@ def _directions(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray, tria
     top = float(np.abs(pressure).max())
     # the motor unit whose pressure changes most says which way
     column = pressure[:, int(np.argmax(pressure.std(axis=0)))]
-    if resting.any() and np.ptp(column) > _REST_PRESSURE * top:
+    if resting.any() and np.ptp(column) > rates.REST_PRESSURE * top:
         slope, noise, _ = rates.slope(time, column, trial)
-        least = max(_REST_PRESSURE * top, 2.0 * rates.signal_step(column, trial))
+        least = max(rates.REST_PRESSURE * top, 2.0 * rates.signal_step(column, trial))
         filling = rates.direction(time, slope, noise, trial, least)
         way = np.where(resting, filling, way)
         basis = np.where(resting & (filling != 0), BY_PRESSURE, basis)

@@ -186,8 +186,6 @@ class Memory:
         return build(name, rows[:, 1], rows[:, 3:], rows[:, 2],
                      np.concatenate(label) if parts else None, rows[:, 0] - begin, self._names)
 
-    # --- inside --------------------------------------------------------------------------------
-
     def _break(self) -> None:
         """Begin a new stretch that does not follow the one before."""
         self._rows: list[list[float]] = []

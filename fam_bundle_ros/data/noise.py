@@ -22,16 +22,16 @@ from typing import Any
 import numpy as np
 from scipy.special import betainc, erf
 
+from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import begins, ROBUST, spread
-from fam_bundle_ros.data.trials import trial_offsets
+from fam_bundle_ros.data.rates import begins, BY_CHANCE, ROBUST, spread
+from fam_bundle_ros.data.trial_offsets import trial_offsets
 
-#: Noise with a memory of five rows (AR 0.8) leaves 0.38 of itself between neighbours.
+#: Differences of neighbours show 0.38 of noise with a memory of five rows (AR 0.8).
 _LOOPS = 0.2
-#: Two estimates differ where the noise of one is more than this many times the other's ...
+#: Two estimates differ where the noise of one is more than this many times the other's, and pairs
+#: of one noise would look like it at most as often as `rates.BY_CHANCE`.
 _MATTERS = 1.25
-#: ... and pairs of one noise would look like it at most this often.
-_BY_CHANCE = 0.01
 #: Strains closer than this are one.
 _ONE_STRAIN = 2e-4
 
@@ -111,7 +111,7 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     values = measurement.force if residual is None else residual
     if not measurement.is_static:
         return _floor(measurement, values)
-    # rows of a map are neighbours across its trials: what those differ by is no noise
+    # neighbouring rows of a map are of different trials, whose offsets are not noise
     offsets = trial_offsets(measurement, values)
     if offsets is not None:
         values = values - offsets.rows
@@ -159,7 +159,7 @@ def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
 
 def _chosen(values: np.ndarray, differences: float | None, repeats: float | None,
             visits: float | None, correlation: float, pairs: int) -> NoiseFloor:
-    """Return the floor by the estimate that is to be believed."""
+    """Return the noise floor by the most reliable estimate."""
     note = ''
     if differences is None and repeats is None:
         wide = ROBUST * float(np.median(np.abs(values - np.median(values))))
@@ -172,11 +172,11 @@ def _chosen(values: np.ndarray, differences: float | None, repeats: float | None
     if differences is None:
         return NoiseFloor(repeats, None, repeats, visits, correlation, 'repeats')
     ratio = repeats / max(differences, np.finfo(float).tiny)
-    if _chance_of_less(ratio * _MATTERS, pairs) < _BY_CHANCE:
+    if _chance_of_less(ratio * _MATTERS, pairs) < BY_CHANCE:
         note = ('repeats agree better than neighbours do: the force has a fine ripple that comes '
                 'back each time')
         return NoiseFloor(repeats, differences, repeats, visits, correlation, 'repeats', note)
-    if 1.0 - _chance_of_less(ratio / _MATTERS, pairs) < _BY_CHANCE:
+    if 1.0 - _chance_of_less(ratio / _MATTERS, pairs) < BY_CHANCE:
         note = ('repeats differ more than neighbours do: slow noise, drift, or an effect of '
                 'history or speed')
     return NoiseFloor(differences, differences, repeats, visits, correlation,
@@ -198,28 +198,35 @@ def second_differences(measurement: Measurement, values: np.ndarray) -> float | 
     """
     Return the white-noise standard deviation from triples of neighbours, N, or None.
 
-    In a static map neighbours are rows of equal strain in the order of their pressure.
+    In a static map neighbours are rows of equal strain in the order of one unit's pressure; the
+    other units have equal pressures. If a bundle has few such rows (random pressures), they are
+    neighbours in the order of the sum of all pressures.
     """
-    order, line = _lines(measurement)
-    v, g = values[order], line[order]
-    x = (measurement.clock if not measurement.is_static else measurement.pressure.sum(-1))[order]
-    if len(v) < 6:
-        return None
-    same = (g[2:] == g[:-2]) & (x[2:] > x[:-2]) & (x[1:-1] > x[:-2])
-    gap = _off_the_line(x, v, same)
-    if measurement.is_static:
-        # a slack stretch reads exactly zero: no noise is visible there
-        f = measurement.force[order]
-        flat = ((f[:-2] == f[1:-1]) & (f[2:] == f[1:-1]))[same]
-        gap = gap[~flat]
+    gap = _gaps(measurement, values, *_lines(measurement))
+    if len(gap) < len(values) // 4 and measurement.is_static and measurement.pressure.shape[1] > 1:
+        total = measurement.pressure.sum(-1)
+        gap = _gaps(measurement, values, total, _strain_levels(measurement))
     if len(gap) < 6:
         return None
     quantum = force_step(measurement.force)
     return max(spread(gap, quantum), quantum / np.sqrt(12.0))
 
 
+def _gaps(measurement: Measurement, values: np.ndarray, x: np.ndarray, line: np.ndarray,
+          ) -> np.ndarray:
+    """Return the deviations of values from the lines through their neighbours, see `_lines`."""
+    order = np.lexsort((x, line))
+    x, v, g = x[order], values[order], line[order]
+    same = (g[2:] == g[:-2]) & (x[2:] > x[:-2]) & (x[1:-1] > x[:-2])
+    if measurement.is_static:
+        # a slack stretch reads exactly zero: no noise is visible there
+        f = measurement.force[order]
+        same &= (f[:-2] != f[1:-1]) | (f[2:] != f[1:-1])
+    return _off_the_line(x, v, same)
+
+
 def _off_the_line(x: np.ndarray, v: np.ndarray, same: np.ndarray) -> np.ndarray:
-    """Return how far middles of triples are off their neighbours' line, scaled to one sample."""
+    """Return the deviation of each middle of three from the line of the others, per sample."""
     span = x[2:] - x[:-2]
     use = same & (span != 0.0)
     left = np.where(use, (x[2:] - x[1:-1]) / np.where(use, span, 1.0), 0.5)
@@ -235,12 +242,12 @@ def _smoothness(measurement: Measurement, values: np.ndarray, *, by_strain: bool
     A sweep up and down is smooth as it follows in the file, and jumps to and fro between its two
     branches when sorted by strain.
     """
-    level = measurement.pressure.sum(-1)
-    width = max(0.02 * float(np.ptp(level)), 5e3)
-    order = np.arange(len(level))
+    pressure, width = measurement.pressure, _isobar_width(measurement)
+    order = np.arange(len(pressure))
     if by_strain:
-        order = np.lexsort((measurement.strain, np.round(level / width)))
-    x, near = measurement.strain[order], np.abs(np.diff(level[order])) < width
+        order = np.lexsort((measurement.strain, *np.round(pressure / width).T))
+    x = measurement.strain[order]
+    near = np.all(np.abs(np.diff(pressure[order], axis=0)) < width, axis=1)
     step = np.diff(x)
     onward = x[2:] >= x[:-2] if by_strain else step[1:] * step[:-1] > 0
     gap = _off_the_line(x, values[order], onward & near[1:] & near[:-1])
@@ -249,14 +256,25 @@ def _smoothness(measurement: Measurement, values: np.ndarray, *, by_strain: bool
     return float(ROBUST * np.median(np.abs(gap)))
 
 
+def _isobar_width(measurement: Measurement) -> np.ndarray:
+    """Return the difference below which pressures of a map count as equal, (n,), Pa."""
+    return np.maximum(0.02 * np.ptp(measurement.pressure, axis=0), 5e3)
+
+
 def _lines(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
-    """Return a row order and a line label: rows of one line are neighbours in that order."""
+    """Return a coordinate and a line label, (T,): rows of a line are neighbours in its order."""
     if not measurement.is_static:
-        return np.arange(len(measurement)), measurement.trial
-    level = np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, _ONE_STRAIN))
-    _, line = np.unique(level, return_inverse=True)
-    total = measurement.pressure.sum(-1)
-    return np.lexsort((total, line)), line
+        return measurement.clock, measurement.trial
+    unit = varying_unit(measurement)
+    others = np.delete(measurement.pressure / _isobar_width(measurement), unit, axis=1)
+    _, line = np.unique(np.column_stack([_strain_levels(measurement), np.round(others)]), axis=0,
+                        return_inverse=True)
+    return measurement.pressure[:, unit], line.ravel()
+
+
+def _strain_levels(measurement: Measurement) -> np.ndarray:
+    """Return the label of each row's strain, (T,): rows of equal strain have the same one."""
+    return np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, _ONE_STRAIN))
 
 
 def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray, np.ndarray]:
@@ -267,7 +285,7 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     in one. For a static map all rows of one trial in a cell are a visit.
     """
     span = float(np.ptp(measurement.strain))
-    # one strain held at rest is one bin, whatever its last digits
+    # a strain that is held is one bin, whatever its rounding
     held = np.zeros(len(measurement), int)
     parts = [held if span < _ONE_STRAIN else
              np.floor(measurement.strain / span * strains).astype(int)]
@@ -294,7 +312,7 @@ def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quant
     if len(again) < 12:
         return None, None, 1.0, len(again)
     a, b = order[again], order[again + 1]
-    # a visit's first sample stands for a sample met again later
+    # the first samples of two visits are compared
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     gap = values[first[a]] - values[first[b]]
     repeats = max(spread(gap, quantum) / np.sqrt(2.0), quantum / np.sqrt(12.0))

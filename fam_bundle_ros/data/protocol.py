@@ -6,7 +6,7 @@ An experiment as a file that a person writes and `fam_bundle measure` drives.
     protocol = read_protocol('spie2021')
     print(duration(protocol), len(segments(protocol)))
 
-A protocol is a list of steps (`fam_bundle_ros.data.segments`) with limits; it comes to numbered
+A protocol is a list of steps (`fam_bundle_ros.data.steps`) with limits; it comes to numbered
 segments (`fam_bundle_ros.data.schedule`), each of which is one trial of the recording.
 """
 
@@ -20,7 +20,7 @@ from typing import Any
 
 from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.schedule import duration, Limits, minutes, Protocol, Segment, segments
-from fam_bundle_ros.data.segments import (
+from fam_bundle_ros.data.steps import (
     alike,
     Hold,
     Pause,
@@ -132,6 +132,7 @@ def _step(entry: Any, where: str, units: int) -> Step:
                if name not in values and item.default is MISSING]
     if missing:
         raise InputError(f"{where} has no key '{missing[0]}'")
+    likes = {'time': 's', 'strain': '1', 'rate': 'Pa/s' if made is PressureSweep else '1/s'}
     given: dict[str, Any] = {}
     for key, value in values.items():
         at = f'{where}: {key}'
@@ -139,15 +140,11 @@ def _step(entry: Any, where: str, units: int) -> Step:
             given[key] = _pressures(value, units, at)
         elif key == 'cycles':
             given[key] = _count(value, at)
-        elif key == 'time':
-            given[key] = _quantity(value, 's', at)
-        elif key == 'rate':
-            given[key] = _quantity(value, 'Pa/s' if made is PressureSweep else '1/s', at)
-        elif made in (Sweep, Hold):
+        elif key == 'strain' and made in (Sweep, Hold):
             listed = value if isinstance(value, list) else [value]
             given[key] = tuple(_quantity(each, '1', at) for each in listed)
         else:
-            given[key] = _quantity(value, '1', at)
+            given[key] = _quantity(value, likes[key], at)
     try:
         return made(**given)
     except InputError as error:
@@ -198,8 +195,7 @@ def _written(step: Step) -> Any:
         if value == entry.default:
             continue
         if entry.name == 'rate':
-            value = (express(value, 'kPa/s', 9) if isinstance(step, PressureSweep)
-                     else express(value, '1/s', 9))
+            value = express(value, 'kPa/s' if isinstance(step, PressureSweep) else '1/s', 9)
         content[entry.name] = _shown(entry.name, value)
     return content
 

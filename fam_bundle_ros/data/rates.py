@@ -16,16 +16,20 @@ from scipy.ndimage import maximum_filter1d
 from scipy.stats import norm
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
-#: A step of the clock that is as many usual ones is a pause of the log.
+#: A time step longer than so many usual steps is a pause of the log.
 PAUSE_STEPS = _WINDOWS[-1]
-#: Windows of `smooth`: wider ones would take the bends of a moving signal along.
+#: Windows of `smooth`, in rows; wider ones would flatten the bends of a moving signal.
 _SMOOTHED = (5, 9, 17, 33)
-#: Chance that a log without corners shows one.
-_FALSE_CORNER = 0.001
+#: Probability, per log, that noise alone is reported as a corner, an offset, a stuck force.
+FALSE_ALARM = 0.001
+#: Probability that two samples of one distribution are taken for different ones.
+BY_CHANCE = 0.01
 #: Rows that are fitted at a time.
 _BLOCK = 20_000
-#: Share of the usual fast motion below which a motion counts as rest.
+#: Slower motion than this share of the fast motion (90th percentile) counts as rest.
 CRAWL = 0.02
+#: Share of the largest pressure that no sensor tells from rest, or from a vented muscle.
+REST_PRESSURE = 0.01
 #: Median absolute deviation to standard deviation, of normal noise.
 ROBUST = 1.4826
 
@@ -79,7 +83,7 @@ def _local(time: np.ndarray, value: np.ndarray, half: int) -> _Local:
     if rows <= 2 * half:
         return _Local(*fitted, *none)
     whole = slice(half, rows - half)
-    # what the quadratic leaves of the ramp, and of the signal along it (Frisch and Waugh 1933)
+    # residual of the ramp after the quadratic, and of the signal along it (Frisch, Waugh 1933)
     left = (ramp[:, 1] - np.sum(ramp * of_ramp, 1))[whole]
     bend, sd, missed = none
     bend[whole] = (total(t[:, after], y[:, after]) - np.sum(ramp * of_signal, 1))[whole] / left
@@ -109,7 +113,7 @@ def begins(*labels: np.ndarray) -> np.ndarray:
 
 
 def usual_step(time: np.ndarray, trial: np.ndarray) -> float:
-    """Return the usual time between rows, s, of many at a time: rows may come in packets."""
+    """Return the median time between rows, s, over many rows each: they may come in packets."""
     count = int(np.clip(np.median(np.bincount(trial - trial.min())) // 2, 1, _WINDOWS[-1]))
     steps = (time[count:] - time[:-count])[trial[count:] == trial[:-count]] / count
     return float(np.median(steps)) if len(steps) else 1.0
@@ -171,7 +175,7 @@ def _is_held(value: np.ndarray, noise: float) -> bool:
     if count < 2:
         return False
     means = value[:count * _SMOOTHED[-1]].reshape(count, -1).mean(axis=1)
-    # the noise is a median deviation: it is worth a quarter of its rows
+    # a noise from a median deviation is as uncertain as from a quarter of the rows
     swings = np.var(value) > noise ** 2 * (1.0 + 3.0 * np.sqrt(8.0 / len(value)))
     drifts = np.var(means, ddof=1) * _SMOOTHED[-1] > noise ** 2 * (
         1.0 + 3.0 * np.sqrt(2.0 / (count - 1)))
@@ -248,7 +252,7 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     """
     Return a signal and its slope, smoothed but for corners as the tips of a triangle, (T,).
 
-    A corner is where the slope changes suddenly by more than noise makes it, at `_FALSE_CORNER`,
+    A corner is where the slope changes suddenly by more than noise makes it, at `FALSE_ALARM`,
     and by most within its window. What is missed with the corner counts as noise: a jump is none.
     Corners are taken from the signal before it is smoothed, and given back.
 
@@ -258,7 +262,7 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     local = _locally(time, value, parts, half)
     noise = np.maximum(local.missed, max(noise, np.finfo(float).tiny))
     size = np.abs(local.bend) / (local.bend_sd * noise)
-    corner = (size > norm.isf(0.5 * _FALSE_CORNER / len(time))) & (
+    corner = (size > norm.isf(0.5 * FALSE_ALARM / len(time))) & (
         size == maximum_filter1d(size, 2 * half + 1))
     if not corner.any():
         return local.value, local.slope
@@ -279,7 +283,7 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     before += smooth.slope
     turns = before * (before + bend) < 0.0
     rate = np.where(turns, 0.0, before + np.where(passed, bend, 0.0))
-    # an error of the change is half on either side of it, and fades within the window
+    # half of the error of the change is on either side, within the window
     error = maximum_filter1d(np.where(corner, 0.5 * local.bend_sd * noise, 0.0), 2 * half + 1)
     return smooth.value + ramp, np.where(np.abs(rate) < 3.0 * error, 0.0, rate)
 

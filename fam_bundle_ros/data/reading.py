@@ -89,9 +89,7 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
                    max_strain=max_strain, sheet=sheet, drop_bad=drop_bad)
     path = _path(source)
     if path is not None and is_bag(path) and not used.columns:
-        measured = read_bag(path, rest_length=used.rest_length or used.muscle_length,
-                            gauge=used.gauge, ambient_pressure=used.ambient_pressure, name=name,
-                            max_pressure=used.max_pressure, max_strain=used.max_strain)
+        measured = read_bag(path, used, name)
         if measured is not None:
             return measured
     measured = read_columns(_table(source, path, used, name), used)
@@ -234,7 +232,7 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
         gone = [header for header in table.columns if header not in changed.columns]
         asked = any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone
                     for text in told.values())
-        # names of columns and titles tell no pressure where the user does
+        # a pressure that the user tells replaces that of names and titles
         twice = change in (titled, unstacked) and 'pressure' in changed.columns.keys() - set(
             table.columns) and any(key.partition('.')[0] == 'pressure' for key in told)
         if not asked and not twice:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How the files of a lab are to be read, as one object and as a file for a hundred logs."""
+"""Options for reading the files of a lab, as an object and as a file."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from fam_bundle_ros.atomic import write_whole
+from fam_bundle_ros.data.column_names import QUANTITIES, recognise
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.vocabulary import QUANTITIES, recognise
 from fam_bundle_ros.errors import about, in_short, InputError
 from fam_bundle_ros.units import express, parse
 
@@ -19,6 +19,12 @@ FORMAT = 'fam-bundle-recipe/1'
 #: Keys with a unit: (unit like, unit to write).
 _WITH_UNIT = {'rest_length': ('m', 'mm'), 'muscle_length': ('m', 'mm'),
               'ambient_pressure': ('Pa', 'kPa'), 'max_pressure': ('Pa', 'MPa')}
+
+#: Keys without a unit: (types, what is expected in words).
+_TYPES: dict[str, tuple[Any, str]] = {
+    'columns': (dict, 'quantities with their columns'), 'gauge': (bool, 'true or false'),
+    'drop_bad': (bool, 'true or false'), 'sheet': (str, 'a name'),
+    'max_strain': ((int, float), 'a number')}
 
 
 @dataclass(frozen=True)
@@ -75,14 +81,13 @@ class Recipe:
                 raise InputError(f'{key} is {value:g}; expected more than 0')
 
     def merged(self, **options: Any) -> Recipe:
-        """Return the recipe with other options; those that are None stay; columns add up."""
+        """Return the recipe with other options; None changes nothing, columns are added."""
         given = {key: value for key, value in options.items() if value is not None}
         for key, (like, _) in _WITH_UNIT.items():
             if isinstance(given.get(key), str):
                 given[key] = _quantity(given[key], like, key)
         if 'columns' in given:
-            given['columns'] = {**self.columns, **{str(key): str(value) for key, value in
-                                                   given['columns'].items()}}
+            given['columns'] = {**self.columns, **_as_text(given['columns'])}
         return replace(self, **given)
 
 
@@ -114,16 +119,10 @@ def load_recipe(path: str | Path) -> Recipe:
                              f'{", ".join(known)}')
         if key in _WITH_UNIT:
             content[key] = _quantity(value, _WITH_UNIT[key][0], f'{path.name}: {key}')
-        wanted: dict[str, tuple[type, ...]] = {'columns': (dict,), 'gauge': (bool,),
-                                               'sheet': (str,), 'max_strain': (int, float),
-                                               'drop_bad': (bool,)}
-        if key in wanted and not isinstance(value, wanted[key]):
-            raise InputError(f"{path.name}: {key} is '{value}'; expected "
-                             + {'columns': 'quantities with their columns', 'gauge':
-                                'true or false', 'drop_bad': 'true or false', 'sheet': 'a name',
-                                'max_strain': 'a number'}[key])
-    content['columns'] = {str(key): str(value) for key, value in content.get('columns',
-                                                                             {}).items()}
+        types, words = _TYPES.get(key, (object, ''))
+        if not isinstance(value, types):
+            raise InputError(f"{path.name}: {key} is '{value}'; expected {words}")
+    content['columns'] = _as_text(content.get('columns', {}))
     with about(path.name):
         return Recipe(**content)
 
@@ -158,6 +157,10 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
         turned = taken.sign < 0 if taken.quantity != 'elongation' else taken.sign > 0
         columns[taken.quantity] = ('-' if turned else '') + taken.header + unit
     return replace(recipe, columns=columns)
+
+
+def _as_text(columns: Mapping[Any, Any]) -> dict[str, str]:
+    return {str(key): str(value) for key, value in columns.items()}
 
 
 def _quantity(value: Any, like: str, what: str) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import math
 import random
 
-from fam_bundle_ros.data.segments import (
+from fam_bundle_ros.data.steps import (
     alike,
     Course,
     LEAST_STRAIN,
@@ -25,11 +25,11 @@ from fam_bundle_ros.data.segments import (
 )
 from fam_bundle_ros.errors import InputError
 
-#: s: that pressures are reckoned to need to be there.
+#: s: time assumed for the pressures to reach their setpoints.
 FILL = 1.0
 #: Orders of the segments.
 WRITTEN, RANDOM = 'as written', 'random'
-#: More segments than this are a slip of the keyboard.
+#: Most segments of an experiment; more are probably a typing error.
 _MOST = 10_000
 
 
@@ -164,12 +164,12 @@ class Segment:
 
     @property
     def duration(self) -> float:
-        """How long it takes, with what goes before, s."""
+        """Duration with the pause and the approach before it, s."""
         return self.pause + self.before + self.course.seconds
 
 
 def segments(protocol: Protocol) -> tuple[Segment, ...]:
-    """Return what is to be run, in its order; the same every time for the same protocol."""
+    """Return the segments in the order in which they run; a protocol always gives the same."""
     chance = random.Random(protocol.seed)
     planned: list[tuple[float, Course]] = []
     pause = 0.0
@@ -201,7 +201,7 @@ def segments(protocol: Protocol) -> tuple[Segment, ...]:
 
 
 def duration(protocol: Protocol) -> float:
-    """Return how long an experiment takes, s; `FILL` is reckoned for pressures to be there."""
+    """Return the duration of an experiment, s, with `FILL` for each change of pressure."""
     return sum(segment.duration for segment in segments(protocol))
 
 

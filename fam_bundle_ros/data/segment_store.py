@@ -17,6 +17,7 @@ import time
 from typing import NamedTuple
 
 from fam_bundle_ros.atomic import whole, write_whole
+from fam_bundle_ros.data.measurement import labels_of
 from fam_bundle_ros.data.protocol import dumps_protocol, Protocol, Segment
 from fam_bundle_ros.errors import InputError
 
@@ -66,10 +67,8 @@ class SegmentStore:
                  resume: bool = False):
         self.out = Path(out)
         self.folder = self.out.with_name(f'{self.out.name}.parts')
-        labels = ['pressure'] if len(motor_units) == 1 else [f'pressure.{name}'
-                                                             for name in motor_units]
-        self._header = ','.join(['time [s]', 'trial', 'strain',
-                                 *(f'{label} [kPa]' for label in labels), 'force [N]']) + '\n'
+        pressures = [f'{label} [kPa]' for label in labels_of(motor_units)]
+        self._header = ','.join(['time [s]', 'trial', 'strain', *pressures, 'force [N]']) + '\n'
         self._text = dumps_protocol(protocol)
         if self.out.suffix != '.csv':
             raise InputError(f'{out}: expected the name of a new CSV file (.csv)')
@@ -97,7 +96,7 @@ class SegmentStore:
         return frozenset(int(path.stem) for path in self._files())
 
     def clock(self) -> float:
-        """Return what time it is in the experiment, s: it went on while nothing ran."""
+        """Return the time of the experiment, s; it goes on while the program does not run."""
         files = self._files()
         if not files:
             return 0.0
@@ -105,7 +104,7 @@ class SegmentStore:
         return _end(last) + max(time.time() - last.stat().st_mtime, 0.0)
 
     def keep(self, segment: Segment, rows: Iterable[Row]) -> None:
-        """Keep a segment that is complete."""
+        """Write a complete segment."""
         if not self.folder.exists():
             try:
                 self.folder.mkdir()
@@ -118,7 +117,7 @@ class SegmentStore:
             + f',{row.force:.6g}\n' for row in rows))
 
     def finish(self) -> None:
-        """Make the CSV of all segments, and leave nothing else but the protocol beside it."""
+        """Write the CSV of all segments, and the protocol beside it; remove the folder."""
         with whole(self.out) as draft, open(draft, 'w', encoding='utf-8') as stream:
             stream.write(self._header)
             for path in self._files():

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What people write for a unit, and its factor to SI: 'psia', 'kg/cm2', 'mm WS'."""
+"""Spellings of units in logs and their factors to SI: 'psia', 'kg/cm2', 'mm WS'."""
 
 from __future__ import annotations
 

@@ -87,8 +87,9 @@ class Added(Told):
         """A warning if the data do not support the change, else empty."""
         if self.log_odds is None or self.log_odds >= math.log(self.least_odds):
             return ''
-        return (f'these data do not support the change: odds of {math.exp(self.log_odds):.2g} to '
-                '1 against the model as it was')
+        return (f'these data do not support the change: with it they are '
+                f'{math.exp(self.log_odds):.2g} times as probable as without it, '
+                f'{self.least_odds:.3g} times is asked for')
 
     @property
     def what(self) -> str:

@@ -27,7 +27,7 @@ from fam_bundle_ros.data.grouping import (
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor, visit_cells
 from fam_bundle_ros.data.reading import as_measurement
-from fam_bundle_ros.data.slips import slips
+from fam_bundle_ros.data.unit_slips import slips
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.predict import free_mask, matched, predict, stiffness
 from fam_bundle_ros.model import Bundle

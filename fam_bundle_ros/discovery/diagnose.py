@@ -23,7 +23,7 @@ from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
-from fam_bundle_ros.data.trials import Offsets, trial_offsets
+from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import Cells, reduce

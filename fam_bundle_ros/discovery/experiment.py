@@ -26,7 +26,7 @@ from fam_bundle_ros.data.protocol import (
     segments,
     Sweep,
 )
-from fam_bundle_ros.data.segments import LEAST_STRAIN, MOST_STRAIN, Pressures, Step
+from fam_bundle_ros.data.steps import LEAST_STRAIN, MOST_STRAIN, Pressures, Step
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.model import Bundle, catalogue, Motion

@@ -231,7 +231,14 @@ class Options:
     def reshaped(self, names: Names) -> list[Names]:
         """Return the sets with another shape of one effect that has been changed."""
         changed = [*self.added(names), *self.replaced(names).values()]
-        return [with_name(without(names, name), shape) for name in changed
+        return self._other_shapes(names, changed)
+
+    def reshaped_own(self, names: Names) -> list[Names]:
+        """Return the sets with another shape of one effect that the model has."""
+        return self._other_shapes(names, set(names) & set(self.own) - self.fixed)
+
+    def _other_shapes(self, names: Names, of: Iterable[str]) -> list[Names]:
+        return [with_name(without(names, name), shape) for name in sorted(of)
                 for shape in self._shapes[head(name)] if shape not in (name, *self.own)]
 
 

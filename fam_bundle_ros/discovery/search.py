@@ -171,6 +171,9 @@ class Search:
             for names in self.options.reshaped(best.names):
                 if names not in self.fits:
                     self.fit(names, ranking.start(self.screen(best, names)), best.hyper)
+            # from the priors: geometry that compensates for a wrong shape hides the right one
+            for names in self.options.reshaped_own(best.names):
+                self.fit(names)
             if max(self.fits.values(), key=ranking.of_fit) is best:
                 break
 

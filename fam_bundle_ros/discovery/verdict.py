@@ -102,8 +102,8 @@ def implausible_constants(physics: Fit) -> dict[str, str]:
 
     If structure is left as well, the law has probably been fitted to another effect.
     """
-    return {prior.key: f'{prior.key} is {u:+.1f} widths of its prior from the usual value, and '
-            'structure is left' for prior, u in zip(physics.priors, physics.u)
+    return {prior.key: f'{prior.key} is {u:+.1f} widths of its prior from the usual value'
+            for prior, u in zip(physics.priors, physics.u)
             if not prior.key.startswith('geometry.') and abs(u) > _TOLERANCES
             and not _is_off(prior, u)}
 
@@ -202,7 +202,8 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held, _effect_of_pressure(fitter, null)) if found else ()
     if found and structured:
-        refusals = (*refusals, *implausible_constants(physics).values())
+        refusals = (*refusals, *(f'{words}, and structure is left'
+                                 for words in implausible_constants(physics).values()))
     warnings = (*_warnings(physics, held), *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior
     if found and lost < settings.LEAST_LOSS:
@@ -296,6 +297,8 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
              for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound)
              if bound and not prior.own and not _is_off(prior, u)]
     found += implausible_geometry(physics)
+    own = {prior.key for prior in physics.priors if prior.own}
+    found += [words for key, words in implausible_constants(physics).items() if key in own]
     if held.physics > held.rivals['empirical']:
         found.append(f'on held-out folds the error of the effects is {held.physics:.3g} N, that '
                      f'of a six-parameter empirical form {held.rivals["empirical"]:.3g} N')

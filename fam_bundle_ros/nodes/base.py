@@ -3,8 +3,10 @@
 """Base class of the nodes: parameters, time, QoS, error lines, a safe stop."""
 
 from collections.abc import Callable, Sequence
+import inspect
 import math
 import re
+import sys
 import time
 from typing import Any
 
@@ -87,6 +89,9 @@ class BundleNode(Node):
         super().__init__(
             name, context=context, namespace=namespace,
             parameter_overrides=[Parameter(k, value=v) for k, v in (overrides or {}).items()])
+        # For the first line of a log rclpy has `inspect` look through all modules, 30 to 100 ms:
+        # now, so that the first fault does not wait for its line.
+        inspect.getframeinfo(sys._getframe())
         self._said: dict[str, float] = {}
         self._streams: list[Publisher] = []
         try:

@@ -16,6 +16,10 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import ERROR, Report
 
+#: What is wrong with a publisher of which nothing arrives.
+UNHEARD = ('e_stop has a publisher, but nothing was received: it must be reliable and transient '
+           'local, and publish once at start')
+
 
 class EmergencyStop:
     """
@@ -39,10 +43,12 @@ class EmergencyStop:
         self._on_stop = on_stop
         self.on = False
         self.doubt = ''
+        self._heard = False
         node.subscribe(interface.E_STOP, Bool, self.take, interface.LATCHED)
 
     def take(self, message: Bool) -> None:
         """Take a message."""
+        self._heard = True
         node = self._node
         publishers = node.publisher_count(interface.E_STOP)
         if message.data:
@@ -56,6 +62,14 @@ class EmergencyStop:
             node.get_logger().error(self.doubt)
         else:
             self.on, self.doubt = False, ''
+
+    def unheard(self) -> str:
+        """Return why a stop would not be noticed; empty while the publisher is heard."""
+        if not self._node.publisher_count(interface.E_STOP):
+            # The next publisher has to say its state, too.
+            self._heard = False
+            return 'e_stop has no publisher'
+        return '' if self._heard else UNHEARD
 
     def report(self, report: Report) -> None:
         """Add whether the stop is on, and what prevents its release."""

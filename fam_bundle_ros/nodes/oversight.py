@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Supervision by the recruitment controller: readings, pressure loops, own process; latches."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 import math
 import time
 
@@ -73,12 +73,19 @@ class Oversight:
     e_stop : EmergencyStop
     pressure : list of float, Pa
         The last readings.
+    topics : tuple of str
+        Topics that have one publisher each: with two, two rigs or two controllers are mixed.
     """
 
     def __init__(self, node: BundleNode, bundle: Bundle, clock: Callable[[], float],
                  on_latch: Callable[[], None], on_e_stop: Callable[[], None]):
         self._node, self._clock, self._on_latch = node, clock, on_latch
         self._n = bundle.n
+        units = range(1, bundle.n + 1)
+        self._readings = (interface.FORCE, interface.STRAIN, interface.SUPPLY,
+                          *map(interface.pressure_topic, units))
+        self.topics = (*self._readings, interface.E_STOP, interface.SUPPLY_ENABLE,
+                       *map(interface.setpoint_topic, units), *map(interface.valve_topic, units))
         self._limit = bundle.max_pressure.tolist()
         self.guard = Guard()
         self.watches = self._make_watches()
@@ -88,13 +95,16 @@ class Oversight:
         self.set_model(bundle)
         self._moved_from: dict[str, tuple[float, list[float]]] = {}
         self._lost_readings, self._lost_stop = LostTime(), LostTime()
-        self._stop_heard = True
+        #: Why a stop would not be noticed; empty while it would.
+        self._stop_unheard = ''
+        #: Which readings have several publishers; empty for none.
+        self._second_rig = ''
         self._enabled_at = 0.0
         self._alive = time.monotonic()
         self.loops = PressureLoops(node, bundle.n, self.latch)
         self.e_stop = EmergencyStop(node, on_e_stop)
-        if node.p['e_stop_required'] and not node.lock_step:
-            node.every(loops.PERIOD, self._look_for_stop)
+        if not node.lock_step:
+            node.every(loops.PERIOD, self._look_at_publishers)
 
     def _make_watches(self) -> list[SensorWatch]:
         p = self._node.p
@@ -198,6 +208,8 @@ class Oversight:
         if not enabled:
             return
         self._look_for_loss()
+        if self._second_rig:
+            self.latch(OTHER, f'{self._second_rig}: a second rig or a simulation?')
         for watch in self.watches:
             if watch.cause:
                 self.latch(watch.cause, watch.reason)
@@ -222,17 +234,19 @@ class Oversight:
             self.latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s in all")
         if trouble := self.loops.troubled(patience):
             self.latch(LOST, f'{trouble}, for {patience:g} s in all')
-        if self._lost_stop.see(now, not self._stop_heard, patience):
-            self.latch(LOST, f'e_stop has no publisher any more, for {patience:g} s')
+        if self._lost_stop.see(now, bool(self._stop_unheard), patience):
+            self.latch(LOST, f'{self._stop_unheard}, for {patience:g} s')
 
-    def _look_for_stop(self) -> None:
-        """Detect that the emergency stop has lost its publisher."""
-        heard = self._node.publisher_count(interface.E_STOP) > 0
-        if self._stop_heard and not heard and self.guard.now.state is State.ACTIVE:
+    def _look_at_publishers(self) -> None:
+        """Detect a second rig, and an emergency stop that has lost its publisher."""
+        self._second_rig = '; '.join(crowded(self._node, self._readings))
+        if not self._node.p['e_stop_required']:
+            return
+        before, self._stop_unheard = self._stop_unheard, self.e_stop.unheard()
+        if self._stop_unheard and not before and self.guard.now.state is State.ACTIVE:
             self._node.get_logger().warning(
-                'e_stop has no publisher any more: is the emergency stop connected? Off after '
+                f'{self._stop_unheard}: is the emergency stop connected? Off after '
                 f"{self._node.p['resume_within']:g} s (resume_within)")
-        self._stop_heard = heard
 
     def notice_stop(self) -> None:
         """Exclude the time in which this process stood still from the pressure loops' silence."""
@@ -259,13 +273,12 @@ class Oversight:
 
         ``exhausted`` is the time since the supply was shut and all valves exhaust, s.
         """
-        node, reasons = self._node, []
+        node, reasons = self._node, crowded(self._node, self.topics)
         if self.e_stop.on:
             reasons.append(': '.join(part for part in ('the emergency stop is on',
                                                        self.e_stop.doubt) if part))
-        elif node.p['e_stop_required'] and not node.publisher_count(interface.E_STOP):
-            reasons.append('e_stop has no publisher (for a rig without one: e_stop_required '
-                           'false)')
+        elif node.p['e_stop_required'] and (unheard := self.e_stop.unheard()):
+            reasons.append(f'{unheard} (for a rig without one: e_stop_required false)')
         silent = self.loops.silent(self._patience)
         for unit, pressure in enumerate(self.pressure):
             watch, limit = self.watches[2 + unit], self._trip(unit)
@@ -285,9 +298,9 @@ class Oversight:
             elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
                 reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
                                f'{kilopascals(pressure)}')
-        return '; '.join(reasons or self._force_contradiction())
+        return '; '.join(reasons or self.force_contradiction())
 
-    def _force_contradiction(self) -> list[str]:
+    def force_contradiction(self) -> list[str]:
         """Return why the force contradicts pressures below the trip."""
         limits = [self._trip(unit) for unit in range(self._n)]
         if not math.isfinite(self._force + self._strain + sum(self.pressure)):
@@ -317,6 +330,12 @@ class Oversight:
 
     def _trip(self, unit: int) -> float:
         return trip_pressure(self._limit[unit], self._node.p['over_pressure_factor'])
+
+
+def crowded(node: BundleNode, topics: Iterable[str]) -> list[str]:
+    """Return in words which topics have more than one publisher."""
+    return [f'{count} publishers on {topic}; expected one' for topic in topics
+            if (count := node.publisher_count(topic)) > 1]
 
 
 def _silence(units: list[int]) -> str:

@@ -11,6 +11,7 @@ from fam_bundle_ros.control.plausibility import InflowConfig, InflowWatch
 from fam_bundle_ros.control.safety import LATCH_TIME, OVER_PRESSURE_FACTOR, SUPPLY, trip_pressure
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
+from fam_bundle_ros.nodes.interface import FASTEST
 from fam_bundle_ros.nodes.pid_readings import Latest, Volume
 
 #: Lag from command to flow in addition to the dead time, s.
@@ -78,12 +79,16 @@ class Air:
         return math.inf if self._node.lock_step else self._node.p['auxiliary_timeout']
 
     def now(self) -> tuple[float | None, float | None, float]:
-        """Return supply (Pa) and volume (m^3), None where not known, and volume rate (m^3/s)."""
+        """
+        Return supply (Pa) and volume (m^3), None where not known, and volume rate (m^3/s).
+
+        A velocity that no muscle has is taken as 0.
+        """
         strain, rate = self.strain.value(self._patience)
         volume, slope = self._volumes.at(strain)
         supply = self.supply.value(self._patience)[0]
         return (supply if math.isfinite(supply) else None, volume,
-                slope * rate if math.isfinite(rate) else 0.0)
+                slope * rate if abs(rate) <= FASTEST else 0.0)
 
     def impossible(self, time: float, pressure: float, gap: float) -> tuple[str, str]:
         """

@@ -23,6 +23,7 @@ from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.plausibility import GENTLE, Travel
 from fam_bundle_ros.control.safety import (
     Change,
+    FROZEN,
     Guard,
     Health,
     kilopascals,
@@ -92,7 +93,8 @@ class PressurePidNode(BundleNode):
             recovery_time=p['recovery_time'], stuck_time=p['stuck_time'],
             max_latency=self.max_latency, below=GAUGE))
         self._air = Air(self, bundle, self.unit, self.pid.config)
-        self._travel = Travel(self._air.inflow.config.margin, 2.0 / p['rate'])
+        inflow = self._air.inflow.config
+        self._travel = Travel(inflow.margin, 2.0 / p['rate'], inflow.lag)
         self._permission = Permission(math.inf if self.lock_step
                                       else max(TIMEOUT, p['sensor_timeout']))
         self._setpoint: tuple[int, float] | None = None
@@ -102,6 +104,8 @@ class PressurePidNode(BundleNode):
         self._pressure = 0.0
         self._off = Stretch()
         self._command = -1.0
+        #: Pressure rate of that command by the loop's models, Pa/s; 0 for one that overrides it.
+        self._rate = 0.0
         self._answered = -1
         #: In lock-step: whether an answer waits until the supply is cut.
         self._withheld = False
@@ -194,6 +198,7 @@ class PressurePidNode(BundleNode):
             now = self._now(max(self._answered, 0))
             self._guard.release(now)
             self._watch.forgive_repeats()
+            self._travel.begin()
             self._air.begin(now)
             if not self.lock_step:
                 # Full exhaust, harmless without supply, would fill through a reversed valve.
@@ -281,11 +286,12 @@ class PressurePidNode(BundleNode):
         if forced is not None:
             self.pid.reset()
             self._off = Stretch()
-            self._command = forced
+            self._command, self._rate = forced, 0.0
         elif new:
             assert self._setpoint is not None
             setpoint = min(max(self._setpoint[1], 0.0), self._max_pressure)
             self._command = float(self.pid.update(setpoint, pressure, dt, *self._air.now()))
+            self._rate = self.pid.state.shown.expected_rate
             if self._air.inflow.gentle:
                 self._command = max(self._command, -GENTLE)
             self._pressure = pressure
@@ -351,6 +357,12 @@ class PressurePidNode(BundleNode):
                               f'above {kilopascals(limit)}')
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
+        # `stuck_time` is given only to a reading that cannot hide a pressure above the trip.
+        highest = self._travel.highest
+        if pressure is not None and highest > limit and self.p['stuck_time'] > 0.0:
+            self._guard.latch(now, FROZEN, f'mu{self.unit} has shown exactly '
+                              f'{kilopascals(pressure)} while air for up to '
+                              f'{kilopascals(highest)} was let in, above {kilopascals(limit)}')
 
     def _hold(self, now: float, reason: str) -> float:
         last = self._guard.now
@@ -370,7 +382,7 @@ class PressurePidNode(BundleNode):
 
     def _must_move(self, now: float, pressure: float) -> bool:
         """Whether the last command, or all recent ones together, must change the pressure."""
-        if self._travel.see(now, pressure, self.pid.state.shown.expected_rate):
+        if self._travel.see(now, pressure, self._rate):
             return pressure > 10e3
         if abs(self._command) < self.p['valve.dead_band'] + 0.1:
             return False
@@ -391,6 +403,7 @@ class PressurePidNode(BundleNode):
             return
         self.pid.gains, self.pid.config = self._settings()
         self._air.change(self.pid.config)
+        self._travel.lag = self._air.inflow.config.lag
 
     def _report(self, report: Report) -> None:
         self._pressure_meter.report(report, 'pressure')

@@ -13,7 +13,7 @@ import math
 
 from fam_bundle_ros.data.protocol import Protocol, Segment
 from fam_bundle_ros.data.segment_store import Row
-from fam_bundle_ros.data.segments import alike, Pressures
+from fam_bundle_ros.data.steps import alike, Pressures
 
 #: Averaging time of the pressures, and time-out until they are reached, s.
 _MEAN, _FILLING = 0.3, 20.0

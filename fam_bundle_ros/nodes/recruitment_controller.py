@@ -32,7 +32,7 @@ from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Report, WARN
 from fam_bundle_ros.nodes.doubts import OffTarget
 from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.oversight import Oversight
+from fam_bundle_ros.nodes.oversight import crowded, Oversight
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.recruitment_parameters import controller_config, SPECS
 from fam_bundle_ros.nodes.reference_intake import ReferenceIntake
@@ -398,17 +398,15 @@ class RecruitmentNode(BundleNode):
         if self._off_target.text:
             report.add(WARN, self._off_target.text)
             self.say('off target', self._off_target.text, _REMIND)
+        for text in self._oversight.force_contradiction():
+            # A gauge that drifts slowly, or the model: no reason to stop, but to look.
+            report.add(WARN, text)
+            self.say('force', text, _REMIND)
         self._references.report(report)
-        for topic in (interface.FORCE, interface.STRAIN, interface.REFERENCE_FORCE,
-                      interface.REFERENCE_STRAIN, interface.REFERENCE_PRESSURES, interface.E_STOP,
-                      interface.SUPPLY_ENABLE,
-                      *(name(i + 1) for i in range(self.bundle.n)
-                        for name in (interface.pressure_topic, interface.setpoint_topic,
-                                     interface.valve_topic))):
-            if (count := self.publisher_count(topic)) > 1:
-                report.add(WARN, f'{count} publishers on {topic}')
-                self.say(f'publishers {topic}', f'{count} publishers on {topic}; expected one',
-                         _REMIND)
+        for text in crowded(self, (*self._oversight.topics, interface.REFERENCE_FORCE,
+                                   interface.REFERENCE_STRAIN, interface.REFERENCE_PRESSURES)):
+            report.add(WARN, text)
+            self.say(text, text, _REMIND)
 
 
 main = executable(RecruitmentNode, __doc__, SPECS)

@@ -19,8 +19,6 @@ from fam_bundle_ros.nodes.diagnostics import Meter, Report
 from fam_bundle_ros.nodes.doubts import ReferenceTally
 from fam_bundle_ros.nodes.references import ReferenceRate
 
-#: Largest strain rate of a reference, 1/s: full contraction in 0.03 s, faster than any muscle.
-_FASTEST = 10.0
 #: A change between two force references above this share of the blocked force is a step.
 _STEP = 0.02
 
@@ -83,9 +81,9 @@ class ReferenceIntake:
     def _strain(self, message: JointState, stamp: int) -> Reference:
         value, rate = interface.read_strain(message, self._length)
         rate = 0.0 if math.isnan(rate) else rate
-        if not abs(rate) <= _FASTEST:
+        if not abs(rate) <= interface.FASTEST:
             raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
-                             f'{_FASTEST:g}')
+                             f'{interface.FASTEST:g}')
         return Reference('strain', _within(value, 1.0), rate)
 
     def _pressure(self, message: JointState, stamp: int) -> Reference:

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 from rclpy.context import Context
+from std_msgs.msg import Bool
 
 from fam_bundle_ros.data.rates import spread
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.e_stop import UNHEARD
 from fam_bundle_ros.nodes.process import Spinner, StopSignals
 from fam_bundle_ros.nodes.recording import matching_qos
 
@@ -71,6 +73,12 @@ class _Listener(BundleNode):
         #: Steady time (s), stamp (ns), latency (s) and value of each reading.
         self.rows: dict[str, list[tuple[float, int, float, float]]] = {}
         self.bad: dict[str, str] = {}
+        #: Whether `e_stop` was received with the QoS of the controllers.
+        self.stop_heard = False
+        self.subscribe(interface.E_STOP, Bool, self._on_stop, interface.LATCHED)
+
+    def _on_stop(self, message: Bool) -> None:
+        self.stop_heard = True
 
     def listen(self, topic: str, kind: Any, read: Callable[[Any], float]) -> None:
         """Collect a topic with whatever QoS its publishers offer."""
@@ -197,7 +205,9 @@ def _judge(node: _Listener, units: int, seconds: float, ambient: float,
         findings.append(Finding(heard > 0, name, f'subscribed by {heard}' if heard else
                                 'no subscriber: the valve driver must subscribe'))
     stop = node.count_publishers(interface.E_STOP)
-    findings.append(Finding(stop == 1, interface.E_STOP, f'publishers: {stop}; expected one'))
+    heard = stop != 1 or node.stop_heard
+    findings.append(Finding(stop == 1 and heard, interface.E_STOP,
+                            f'publishers: {stop}; expected one' if heard else UNHEARD))
     return findings
 
 

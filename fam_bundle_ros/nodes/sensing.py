@@ -171,7 +171,11 @@ class Sensing:
 
     def _read_strain(self, message: JointState) -> tuple[float, float]:
         strain, rate = interface.read_strain(message, self._length)
-        if math.isnan(rate):
+        if not abs(rate) <= interface.FASTEST:
+            if not math.isnan(rate):
+                self._node.say('velocity', f'strain moves at {rate:.3g} 1/s by its velocity, '
+                               f'faster than any muscle ({interface.FASTEST:g} 1/s): wrong unit? '
+                               'The strain is differentiated instead')
             rate = self._rate.update(interface.stamp_ns(message.header.stamp), strain)
         return strain, rate
 

@@ -14,10 +14,10 @@ from functools import cached_property
 import re
 
 from fam_bundle_ros.data import Measurement, taken_words
+from fam_bundle_ros.data.column_names import likes, recognise
 from fam_bundle_ros.data.formats import Table
 from fam_bundle_ros.data.reading import Preview, preview
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.vocabulary import likes, recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench.muscle import MuscleForm
 

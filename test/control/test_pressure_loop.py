@@ -79,14 +79,19 @@ def test_more_than_the_valve_can_do_is_done_fully_open(setpoint, sign):
     assert pid.diagnostics.followed_setpoint == pytest.approx(200e3 + 0.97 * most * DT)
 
 
-@pytest.mark.parametrize('volume_rate', [-1e-5, 0.0])
+@pytest.mark.parametrize('volume_rate', [-1e-5, 0.0, 1e-5, 1e-2])
 def test_a_command_that_is_held_does_not_fill_above_the_ceiling(volume_rate):
-    """For as long as it may be held; the dead band is no part of the opening."""
+    """
+    For as long as it may be held, even if the muscle stops; without the dead band.
+
+    A velocity in a wrong unit says that the muscle widens so fast that no air fills it.
+    """
     config = PidConfig(supply=SUPPLY, volume=V, ceiling=220e3, reach=0.05, **NOISELESS)
     pid = PressurePid(PidGains(), config)
     command = pid.update(400e3, 200e3, DT, SUPPLY, V, volume_rate)
     assert 0.0 < command < 1.0
-    assert rate_of(config, command, 200e3, volume_rate) == pytest.approx(20e3 / 0.05, rel=1e-6)
+    assert rate_of(config, command, 200e3, min(volume_rate, 0.0)) == pytest.approx(
+        20e3 / 0.05, rel=1e-6)
     above = PressurePid(PidGains(), config)
     assert above.update(400e3, 230e3, DT, SUPPLY, V, volume_rate) <= 0.0
 

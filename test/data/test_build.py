@@ -30,7 +30,7 @@ def isometric(muscle):
 
 @pytest.mark.parametrize('jitter', [0.0, 1e-17, 1e-9])
 def test_a_held_muscle_rests_whatever_the_last_digits_of_its_strain(isometric, jitter):
-    """Constant strain is constant: rounding noise has no direction, and drops no row."""
+    """A constant strain with rounding noise has no direction, and no row is dropped."""
     data = isometric(jitter=jitter)
     assert (data.direction_basis != BY_STRAIN).all()
     assert len(data) == 360
@@ -100,7 +100,7 @@ def test_a_strain_read_in_steps_moves_all_the_same(muscle):
 
 
 def test_noise_of_a_strain_at_rest_has_no_direction(muscle):
-    """Between two sweeps the strain is held, noise of 1e-4 and all: most rows rest."""
+    """Between two sweeps the strain is held with noise of 1e-4: most of these rows rest."""
     up = np.linspace(0.0, 0.2, 100)
     true = np.concatenate([up, np.full(300, 0.2), up[::-1], np.zeros(300)])
     strain = true + 1e-4 * np.random.default_rng(0).standard_normal(800)
@@ -113,7 +113,7 @@ def test_noise_of_a_strain_at_rest_has_no_direction(muscle):
 @pytest.mark.parametrize('share', [0.0, 0.2, 0.5])
 @pytest.mark.parametrize('noise', [5e-5, 1e-4, 2e-4])
 def test_a_strain_held_between_two_steps_of_its_gauge_rests(share, noise, muscle):
-    """Its readings change to and fro by a step or two: the direction is that of the pressure."""
+    """Readings that alternate by a step or two: the direction is that of the pressure."""
     step, time = 5e-4, np.arange(0.0, 200.0, 0.1)
     pressure = 2e5 - 1.5e5 * np.cos(2.0 * np.pi * time / 40.0)
     strain = 0.1 + share * step + noise * np.random.default_rng(0).standard_normal(len(time))
@@ -123,7 +123,7 @@ def test_a_strain_held_between_two_steps_of_its_gauge_rests(share, noise, muscle
 
 
 def test_a_muscle_held_at_one_level_after_another_rests_at_each(muscle):
-    """The strain logged is the one asked for, to the last digit: filled up, vented down."""
+    """The logged strain is the setpoint, exactly constant: filling is +1, venting -1."""
     level = np.repeat(np.arange(11) * 0.02, 200)
     pressure = np.tile(np.r_[np.linspace(5e4, 3e5, 100), np.linspace(3e5, 5e4, 100)], 11)
     data = build('levels', level, pressure[:, None], muscle(level, pressure), None,
@@ -159,7 +159,7 @@ def test_one_level_is_enough_and_is_said(strain, pressure, words):
 
 
 def test_data_in_which_nothing_changes_fails():
-    """One strain at one pressure compares with nothing."""
+    """Data of one strain at one pressure are refused."""
     with pytest.raises(InputError, match='neither strain .* nor pressure'):
         build('still', np.full(40, 0.1), np.full(40, 3e5), np.arange(40.0))
 
@@ -209,7 +209,7 @@ def test_equal_stamps_of_a_coarse_clock_are_spread_evenly(muscle):
 
 
 def test_spread_stamps_keep_trials_apart():
-    """The end of one trial borrows no time from the beginning of the next."""
+    """Rows at the end of a trial are not spread into the next trial."""
     time = np.array([0.0, 0.0, 1.0, 1.0, 50.0, 50.0, 51.0, 51.0])
     trial = np.repeat([0, 1], 4)
     assert np.allclose(spread_stamps(time, trial), [0, 0.5, 1, 1.5, 50, 50.5, 51, 51.5])
@@ -226,7 +226,7 @@ def test_rows_written_twice_are_left_out_and_counted(sweeps):
 
 
 def test_time_that_stands_still_fails(sweeps):
-    """A clock that never moves is no clock."""
+    """A constant time column is refused."""
     data = sweeps()
     with pytest.raises(InputError, match='stands still'):
         build('stopped', data.strain, data.pressure, data.force, None, np.zeros(len(data)))
@@ -274,7 +274,7 @@ def test_signs_turned_round_are_noticed(muscle, strain, force, words):
 
 
 def test_a_muscle_that_is_pressed_past_its_free_strain_has_its_sign(muscle):
-    """It pushes then: a force below zero that neither pressure nor length makes more negative."""
+    """A muscle that pushes: the negative force does not grow with pressure or length."""
     strain = np.tile(np.linspace(0.25, 0.4, 40), 2)
     for pressure in (np.full(80, 2e5), np.repeat([2e5, 2.02e5], 40)):
         force = muscle(strain, pressure)
@@ -284,7 +284,7 @@ def test_a_muscle_that_is_pressed_past_its_free_strain_has_its_sign(muscle):
 
 
 def test_the_order_in_which_trials_are_logged_does_not_show(sweeps):
-    """Rows of two trials among each other: each trial is put together again."""
+    """Rows of two trials that alternate are sorted by trial."""
     data = sweeps(cycles=1).select(slice(0, 160))
     turns = np.append(0, np.random.default_rng(0).permutation(np.repeat([0, 1], [79, 80])))
     logged = np.argsort(np.argsort(turns, kind='stable'))
@@ -304,7 +304,7 @@ def test_directions_survive_a_selection(sweeps):
 
 
 def test_repr_is_one_short_line(sweeps):
-    """A notebook shows what it is, not its arrays."""
+    """The representation in a notebook is a summary, not the arrays."""
     assert '\n' not in repr(sweeps())
     assert len(repr(sweeps())) < 200
 

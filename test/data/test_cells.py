@@ -57,13 +57,13 @@ def test_dates_and_times_of_day_are_seconds_also_over_midnight(cells):
     ('05:07', 307.0), ('75:30.5', 4530.5), ('12:00:01 AM', 1.0), ('12:00:01 PM', 43201.0),
     ('1:00:00 pm', 46800.0), ('11:59:59 am', 43199.0)])
 def test_a_clock_is_its_days_hours_minutes_and_seconds(cell, value):
-    """Twelve in the night is zero, at noon it is twelve."""
+    """12 AM is hour zero, 12 PM is noon."""
     assert read([cell])[0] == pytest.approx(value)
     assert looks_like_time(np.array(['', cell], object))
 
 
 def test_blank_cells_have_no_time_and_a_word_is_refused_with_its_row():
-    """Others keep theirs."""
+    """Other cells keep their times."""
     found = read(['00:00:01', '', '00:00:03', None])
     assert found[[0, 2]].tolist() == [1.0, 3.0]
     assert np.isnan(found[[1, 3]]).all()
@@ -75,7 +75,7 @@ def test_blank_cells_have_no_time_and_a_word_is_refused_with_its_row():
 
 
 def test_times_of_numpy_are_seconds_from_the_first():
-    """Dates from the first that is one; spans as they are."""
+    """Dates are seconds from the first date; durations are kept."""
     dates = np.array(['NaT', '2026-05-03T12:00:00', '2026-05-03T12:00:02.5'], 'datetime64[ms]')
     found = seconds('log', 'clock', dates, np.arange(3))
     assert np.isnan(found[0])
@@ -90,12 +90,12 @@ def test_times_of_numpy_are_seconds_from_the_first():
     (['3.5.26', '4.5.26'], True), (['13/5/26'], True), (['5/13/26'], False),
     (['3/5/26', '4/5/26'], True), (['5/3/26', '5/4/26'], False), (['2026-'], False)])
 def test_the_day_is_the_number_that_is_above_twelve_or_changes(cells, day_first):
-    """With dots it is the first."""
+    """In dates with dots the day is the first number."""
     assert _day_first(cells) == day_first
 
 
 def test_numbers_are_read_with_thousands_and_exponents_of_fortran():
-    """Words are told apart from blanks."""
+    """Words are distinguished from blanks."""
     values, words = numbers(np.array(['1,234.5', '1.5D+02', '-2', '', 'n/a', 'high', 3.5], object))
     assert values[[0, 1, 2, 6]].tolist() == [1234.5, 150.0, -2.0, 3.5]
     assert np.isnan(values[3:6]).all()
@@ -113,7 +113,7 @@ def test_numbers_are_read_with_thousands_and_exponents_of_fortran():
     ([1.0, 9.9e37, 2.0], 9.9e37), ([1.0, 9.91e37], 9.91e37), ([np.nan, np.nan], None),
     ([999.0, 20.0, 500.0, 999.0], 999.0), ([999.0, 20.0, 600.0, 999.0], None)])
 def test_nines_that_stand_apart_are_no_reading(values, code):
-    """Farther from the others than they are from one another, one alone ten times as far."""
+    """A code is farther from the readings than they are from each other; one alone ten times."""
     assert no_reading(np.array(values)) == code
 
 
@@ -137,7 +137,7 @@ def table(**columns):
     (('tv_sec', 'tv_usec'), 1e-6), (('t seconds', 't microseconds'), 1e-6),
     (('column 1', 'column 2'), 1e-9)])
 def test_seconds_and_their_fraction_are_one_clock(names, worth):
-    """With the zero that it had; other columns stay."""
+    """Its origin and the other columns are unchanged."""
     whole = 1.7e9 + np.repeat([0.0, 1.0, 2.0], 4)
     part = np.round(np.tile([0.0, 0.25, 0.5, 0.75], 3) / worth)
     found = with_stamps(table(**{names[0]: whole, names[1]: part, 'force': np.arange(12.0)}))
@@ -148,7 +148,7 @@ def test_seconds_and_their_fraction_are_one_clock(names, worth):
 
 
 def test_columns_that_are_no_fraction_stay_as_they_are():
-    """Of another name, or without one where numbers are not such as a clock has."""
+    """Columns of other names, or without names and with values that are not of a clock."""
     whole = 1.7e9 + np.arange(4.0)
     for names, part in ((('stamp.sec', 'force'), np.arange(4.0)),
                         (('column 1', 'column 2'), np.arange(4.0)),
@@ -158,7 +158,7 @@ def test_columns_that_are_no_fraction_stay_as_they_are():
 
 
 def test_milliseconds_beside_a_time_of_day_belong_to_it():
-    """Where the time has whole seconds."""
+    """Only if the time has whole seconds."""
     day = np.array(['10:00:00', '10:00:00', '10:00:01'], object)
     part = np.array([0.0, 500.0, 250.0])
     found = with_stamps(table(Time=day, ms=part))
@@ -169,7 +169,7 @@ def test_milliseconds_beside_a_time_of_day_belong_to_it():
 
 
 def test_a_log_whose_newest_row_is_first_is_turned_round():
-    """All columns and rows, with a note; one that goes forth, or is short, stays."""
+    """All columns are reversed, with a note; a table in order, or a short one, is unchanged."""
     clock, force = np.arange(60.0), np.arange(60.0) ** 2
     found = oldest_first(table(time=clock[::-1], force=force))
     assert found.columns['time'].tolist() == clock.tolist()

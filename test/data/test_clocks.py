@@ -121,7 +121,7 @@ def test_matrices_of_time_and_reading_are_channels(muscle, tmp_path, turned):
 
 
 def test_equal_clocks_change_nothing(muscle):
-    """A clock per channel that shows the same time."""
+    """Each channel has a clock, and all show the same time."""
     data = read_measurement({
         'time [s]': TIME, 'strain': strain(TIME), 'time [s] (2)': TIME, 'p [kPa]': pressure(TIME),
         'F [N]': force(TIME, muscle)})
@@ -182,6 +182,47 @@ def test_a_counter_that_begins_anew_is_no_new_trial(header, bits, count, muscle)
     assert np.median(np.diff(back.time)) == pytest.approx(0.05)
 
 
+@pytest.mark.parametrize(('header', 'scale', 'dial'), [
+    ('time [s]', 1.0, 60.0), ('seconds', 1.0, 60.0), ('time [ms]', 1e3, 60e3),
+    ('time [min]', 1.0 / 60.0, 60.0), ('time [s]', 1.0, 3600.0)])
+def test_a_clock_that_shows_only_the_seconds_of_the_minute_runs_on(header, scale, dial, muscle):
+    """Or the seconds of the hour: the recording is one trial."""
+    data = of_clock(header, (scale * TIME + dial - 8.33 * scale) % dial, muscle)
+    assert len(data.trial_names) == 1
+    assert np.allclose(np.diff(data.time), 0.05)
+    assert [note for note in data.notes if 'began anew' in note] == [
+        f"the counter '{header}' began anew at {dial:.10g}: read on"]
+
+
+def test_a_clock_of_minutes_and_seconds_runs_on_past_the_hour(muscle):
+    """59:58.3 is followed by 00:01.2."""
+    shown = [f'{int(t // 60):02d}:{t % 60:06.3f}' for t in (TIME + 3591.67) % 3600.0]
+    data = of_clock('time', np.array(shown, object), muscle)
+    assert len(data.trial_names) == 1
+    assert np.allclose(np.diff(data.time), 0.05, atol=1e-6)
+
+
+@pytest.mark.parametrize('first', [0.0, 7.5])
+def test_trials_of_a_minute_remain_trials(first, muscle):
+    """Their clock restarts at the reading at which it first began."""
+    time = 0.6 * np.arange(100)
+    clock = np.tile(first + time, 3)
+    data = read_measurement({'time [s]': clock, 'strain': strain(clock),
+                             'p [kPa]': pressure(clock), 'F [N]': force(clock, muscle)})
+    assert len(data.trial_names) == 3
+    assert not any('began anew' in note for note in data.notes)
+
+
+@pytest.mark.parametrize(('unit', 'said'), [('ms', True), ('s', False)])
+def test_rows_closer_than_the_sample_interval_have_another_unit(unit, said, muscle, tmp_path):
+    """A head with ms over values in s: the sample interval above the table contradicts it."""
+    rows = np.stack([TIME, strain(TIME), pressure(TIME), force(TIME, muscle)], -1)
+    np.savetxt(tmp_path / 'log.csv', rows, '%.6f', ',', comments='', header=(
+        f'Sample interval [s],0.05\n\ntime [{unit}],strain,pressure [kPa],force [N]'))
+    notes = read_measurement(tmp_path / 'log.csv').notes
+    assert any('is the unit of the time right?' in note for note in notes) == said
+
+
 def test_a_clock_of_twelve_hours_runs_on_past_one(muscle):
     """12:59:59 without AM and PM is followed by 1:00:00."""
     at = [divmod(3590.0 + second, 3600.0) for second in TIME]
@@ -201,7 +242,7 @@ def test_a_pause_of_the_log_begins_a_trial_and_is_said(muscle):
 
 
 def test_rows_that_were_written_in_another_order_are_put_in_order(muscle):
-    """Threads that write rows: two of them swapped are no trial."""
+    """Rows that threads wrote in swapped order do not begin a trial."""
     order = np.arange(len(TIME))
     order[[100, 101, 250, 251]] = order[[101, 100, 251, 250]]
     data = read_measurement({'time [s]': TIME[order], 'strain': strain(TIME[order]), 'p [kPa]':
@@ -213,7 +254,7 @@ def test_rows_that_were_written_in_another_order_are_put_in_order(muscle):
 
 
 def test_a_clock_that_is_set_back_is_told(muscle):
-    """By half a second in the middle, not to the beginning."""
+    """It goes back by half a second, not to the beginning: a note says so."""
     data = of_clock('time [s]', TIME - np.where(TIME >= 10.0, 0.5, 0.0), muscle)
     assert any('goes back by 0.45 s at row 201, not to where' in note for note in data.notes)
     assert not any('not to where' in note for note in of_clock(

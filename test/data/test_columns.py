@@ -9,14 +9,13 @@ from fam_bundle_ros.data import (
     checks,
     preview,
     read_measurement,
-    Recipe,
     taken_words,
     unit_names,
 )
+from fam_bundle_ros.data.column_names import recognise
+from fam_bundle_ros.data.formats.dialect import split
 from fam_bundle_ros.data.formats.layout import find_data
-from fam_bundle_ros.data.formats.text import split
 from fam_bundle_ros.data.grouping import pressure_levels
-from fam_bundle_ros.data.vocabulary import recognise
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.units import si_factor
 
@@ -68,7 +67,7 @@ def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
 
 
 def test_both_ends_of_a_line_may_be_the_pressure_of_the_muscle(log):
-    """None of them is chosen for its name."""
+    """Neither is preferred for its name."""
     data = table(log, pressure=('p_in [bar]', log[2] / 1e5))
     with pytest.raises(InputError, match=r"'p_in \[bar\]' and 'p_out \[bar\]' both may be"):
         read_measurement({**data, 'p_out [bar]': 0.9 * log[2] / 1e5})
@@ -87,14 +86,14 @@ def test_counts_are_to_be_told_with_what_one_is_worth(log):
     ('kPa rel', 1e3, False), ('bar \u00fc', 1e5, False),
     ('MPa', 1e6, False), ('mmHg', 133.32237, False)])
 def test_pressures_arrive_as_gauge(log, unit, factor, absolute):
-    """What the unit says of absolute and gauge is heard."""
+    """Absolute or gauge is read from the unit."""
     given = (log[2] + (101325.0 if absolute else 0.0)) / factor
     data = read_measurement(table(log, pressure=(f'p [{unit}]', given)))
     assert np.allclose(data.pressure[:, 0], log[2])
 
 
 def test_absolute_pressures_can_be_told(log):
-    """The option counts more than the header; another ambient pressure may be given."""
+    """The option overrides the header; another ambient pressure may be given."""
     absolute = table(log, pressure=('p [kPa]', (log[2] + 101325.0) / 1e3))
     assert np.allclose(read_measurement(absolute, gauge=False).pressure[:, 0], log[2])
     up_high = read_measurement(absolute, gauge=False, ambient_pressure=80e3)
@@ -106,7 +105,7 @@ def test_absolute_pressures_can_be_told(log):
 @pytest.mark.parametrize(('values', 'unit'), [
     (lambda p: p / 1e3, 'kPa'), (lambda p: p / 1e6, 'MPa'), (lambda p: p, 'Pa')])
 def test_a_pressure_without_a_unit_gets_the_only_one_that_fits(log, values, unit):
-    """410 can only be kPa: it is taken, and said."""
+    """410 can only be in kPa: this is assumed and noted."""
     data = read_measurement(table(log, pressure=('pressure', values(log[2]))))
     assert np.allclose(data.pressure[:, 0], log[2])
     assert f'{unit} guessed' in taken_words(data)
@@ -140,101 +139,8 @@ def test_percent_that_are_ratios_are_noticed(log, header, size, asked):
     assert any('ratio, not %' in note for note in data.notes) == asked
 
 
-@pytest.mark.parametrize(('header', 'values'), [
-    ('length [mm]', lambda e: 250 * (1 - e)), ('L [cm]', lambda e: 25 * (1 - e)),
-    ('length', lambda e: 250 * (1 - e)), ('contraction [mm]', lambda e: 250 * e),
-    ('strain [mm]', lambda e: 250 * e), ('shortening [in]', lambda e: 250 * e / 25.4),
-    ('elongation [mm]', lambda e: -250 * e), ('Verl\u00e4ngerung [%]', lambda e: -100 * e),
-    ('position [mm]', lambda e: 250 * e), ('position [mm]', lambda e: -250 * e),
-    ('Weg [mm]', lambda e: 250 * e), ('Dehnung [%]', lambda e: -100 * e)])
-def test_lengths_and_displacements_become_strain_positive_when_shorter(log, header, values):
-    """Lengths by the rest length; a displacement's direction by the force, which falls."""
-    data = read_measurement(table(log, strain=(header, values(log[1]))), rest_length='250 mm')
-    assert np.allclose(data.strain, log[1])
-
-
-@pytest.mark.parametrize(('quantity', 'sign'), [
-    ('elongation', -1), ('contraction', 1), ('length', 0)])
-def test_told_lengths_mean_what_they_say(log, quantity, sign):
-    """An elongation that is told lengthens; a contraction shortens."""
-    values = 250 * (1 - log[1]) if quantity == 'length' else sign * 250 * log[1]
-    data = read_measurement(table(log, strain=('b', values)), columns={quantity: 'b [mm]'},
-                            rest_length=0.25)
-    assert np.allclose(data.strain, log[1])
-
-
-def test_the_direction_of_a_displacement_is_said(log):
-    """What was concluded from the force stands in the line of what was taken."""
-    data = read_measurement(table(log, strain=('position [mm]', -250 * log[1])),
-                            rest_length=0.25)
-    assert 'positive when longer, as the force tells' in taken_words(data)
-
-
-def test_a_column_that_repeats_the_rest_length_tells_it(log):
-    """A specimen's length beside each reading or the first; one that changes is no rest length."""
-    data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
-    for further in (250.0, np.nan):
-        data['L0 [mm]'] = np.append(250.0, np.full(len(log[1]) - 1, further))
-        read = read_measurement(data)
-        assert np.allclose(read.strain, log[1])
-        assert "not used: 'L0 [mm]' (the rest length)" in taken_words(read)
-    data['L0 [mm]'][-1] = 300.0
-    with pytest.raises(InputError, match='expected a strain, or the rest length'):
-        read_measurement(data)
-
-
-def test_a_rest_length_without_a_unit_is_not_used_and_said(log, tmp_path):
-    """The muscle's length is used, which may be another."""
-    rows = np.stack([log[0], 250 * (1 - log[1]), log[2] / 1e3, log[3]], axis=1)
-    np.savetxt(tmp_path / 'a.csv', rows, '%.6f', ',', comments='', header='# L0 = 250\n'
-               'time [s],length [mm],pressure [kPa],force [N]')
-    data = read_measurement(tmp_path / 'a.csv', recipe=Recipe(muscle_length=0.26))
-    assert np.allclose(data.strain, 1 - 250 / 260 * (1 - log[1]))
-    assert "in the file stands '# L0 = 250', without a unit: not used" in ' '.join(data.notes)
-
-
-def test_several_rest_lengths_in_a_file_are_said(log, tmp_path):
-    """Two specimens in one file have a length each."""
-    rows = np.stack([log[0], 250 * log[1], log[2] / 1e3, log[3]], axis=1)
-    with open(tmp_path / 'a.csv', 'w') as file:
-        file.write('time [s],contraction [mm],pressure [kPa],force [N]\n')
-        for length, part in ((250, rows[:90]), (240, rows[90:])):
-            file.write(f'# L0 = {length} mm\n')
-            np.savetxt(file, part, '%.6f', ',')
-    data = read_measurement(tmp_path / 'a.csv')
-    assert 'several rest lengths in the file: 250 mm, 240 mm' in ' '.join(data.notes)
-
-
-def test_lengths_need_a_rest_length_that_fits(log):
-    """None, or that of another muscle, is an error that shows the lengths."""
-    data = table(log, strain=('length [mm]', 250 * (1 - log[1])))
-    with pytest.raises(InputError, match='longest here is 250 mm'):
-        read_measurement(data)
-    with pytest.raises(InputError, match='250 mm beside a rest length of 127 mm'):
-        read_measurement(data, rest_length='127 mm')
-
-
-@pytest.mark.parametrize(('fittings', 'said'), [(-40.0, 'never longer than 0.84'), (0.0, ''),
-                                                (45.0, 'up to 1.18')])
-def test_a_length_that_is_another_than_the_muscle_s_is_told(log, fittings, said):
-    """With its fittings, or between its clamps: the strain is off by as much."""
-    data = read_measurement(table(log, strain=('length [mm]', 250 * (1 - log[1]) + fittings)),
-                            rest_length=0.25)
-    assert said in ' '.join(data.notes)
-    assert bool(said) == ('of the rest length' in ' '.join(data.notes))
-
-
-@pytest.mark.parametrize(('header', 'offset', 'said'), [
-    ('contraction [mm]', 40, True), ('contraction [mm]', 20, False), ('position [mm]', 20, True),
-    ('position [mm]', 0, False)])
-def test_a_displacement_with_an_offset_is_noticed(log, header, offset, said):
-    """A position that never is near zero is no contraction from the rest length."""
-    data = read_measurement(table(log, strain=(header, offset + 250 * log[1])), rest_length=0.25)
-    assert any('never is near zero' in note for note in data.notes) == said
-
-
 def test_a_column_that_counts_rows_is_no_trial(log):
-    """As many values as rows: said and not used; a few are trials."""
+    """A column with as many values as rows is not used, with a note; one with few has trials."""
     counting = {**table(log), 'test': np.arange(ROWS)}
     data = read_measurement(counting)
     assert data.trial_names == ('0',)
@@ -378,21 +284,6 @@ def test_a_log_without_a_known_clock_says_which_column_may_be_one(log, tmp_path)
     assert not any('clock' in note for note in silent.notes)
 
 
-def test_a_displacement_that_is_never_shorter_than_at_rest_is_noticed(log):
-    """A position counted from another place makes every strain negative: a note asks for zero."""
-    data = read_measurement(table(log, strain=('position [mm]', 30 - 100 * log[1])),
-                            rest_length=0.25)
-    assert any('never is shorter than at rest' in note for note in data.notes)
-
-
-@pytest.mark.parametrize('header', ['stretch', '\u03bb', 'L/L0', 'length [%]'])
-def test_a_length_may_be_a_ratio_to_that_at_rest(log, header):
-    """No rest length is needed then."""
-    scale = 100.0 if '%' in header else 1.0
-    data = read_measurement(table(log, strain=(header, scale * (1.0 - log[1]))))
-    assert np.allclose(data.strain, log[1])
-
-
 @pytest.mark.parametrize('header', [
     'Absolutdruck (bar)', 'Pression absolue (bar)', 'Pressione assoluta (bar)',
     'Pressione ass. (bar)', 'Presi\u00f3n absoluta (bar)', 'Absolute druk (bar)',
@@ -408,14 +299,14 @@ def test_a_pressure_that_is_called_absolute_is_read_as_such(log, header):
 @pytest.mark.parametrize('header', ['Druck in bar (\u00dcberdruck)', 'Pression relative (bar)',
                                     'Presi\u00f3n manom\u00e9trica (bar)', 'p rel (bar)'])
 def test_a_gauge_pressure_is_taken_beside_the_absolute_one(log, header):
-    """Which of the two is meant is not asked where the name tells."""
+    """No note asks for gauge or absolute if the name tells."""
     data = read_measurement({**table(log, pressure=(header, log[2] / 1e5)),
                              'Pression absolue (bar)': log[2] / 1e5 + 1.01325})
     assert np.allclose(data.pressure[:, 0], log[2])
 
 
 def test_a_pressure_known_by_its_unit_alone_is_said_to_be_gauge(log):
-    """Nobody knows it from the name."""
+    """The name does not tell whether it is absolute."""
     renamed = table(log, pressure=('Ci\u015bnienie (bar)', log[2] / 1e5))
     assert '(by its unit alone, as gauge)' in taken_words(read_measurement(renamed))
 
@@ -432,7 +323,7 @@ def test_fields_of_topics_are_recognised_by_their_last_names(log):
 
 
 def test_a_message_offers_the_column_that_is_most_like_what_is_missing(log):
-    """Not the first one that is left."""
+    """The example is not simply the first unused column."""
     with pytest.raises(InputError) as caught:
         read_measurement(table(log, force=('MAIN.load_1', log[3]), time=('counter', log[0])))
     assert 'for example --columns "force=MAIN.load_1 [N]"' in str(caught.value)
@@ -480,7 +371,7 @@ def test_clocks_of_computers_and_spreadsheets_become_seconds(log, stamps, step):
 
 
 def test_a_file_as_we_write_it_needs_no_words(log):
-    """Where names and units are plain nothing is said; an extra column is."""
+    """Nothing is reported for plain names and units; an unused column is."""
     assert taken_words(read_measurement(table(log))) == ''
     said = taken_words(read_measurement({**table(log), 'T [K]': log[0]}))
     assert "not used: 'T [K]'" in said
@@ -515,7 +406,7 @@ def test_a_unit_that_pint_knows_too_is_the_same(like):
 
 
 def test_a_strain_out_of_range_is_told_in_the_unit_of_its_column(log):
-    """What the user typed, 160 %, not 1.6."""
+    """The message shows 160 %, as in the file, not 1.6."""
     time, strain, _, _ = log
     with pytest.raises(InputError, match=r'strain is 160 %'):
         read_measurement(table(log, strain=('strain [%]', 800.0 * strain)))
@@ -578,7 +469,7 @@ def test_a_pressure_that_never_changes_is_one_level():
 
 
 def test_quoted_cells_keep_their_separators():
-    """Also after a blank."""
+    """Also after a blank cell."""
     assert split('1, "2,5", x', ',') == ['1', '2,5', 'x']
 
 
@@ -652,7 +543,7 @@ def points(**columns):
 
 @pytest.mark.parametrize('other', ['pressure [kPa]', 'p [kPa]'])
 def test_a_pressure_beside_those_of_motor_units_is_one_too_many(other):
-    """It is not known whose it is; one of a supply is none of the muscle's."""
+    """One without a motor unit is refused; that of a supply is ignored."""
     units = {'pressure.mu1 [kPa]': 'p', 'pressure.mu2 [kPa]': 'back'}
     with pytest.raises(InputError, match=r"beside 'pressure.mu1 \[kPa\]'; expected one name per"):
         read_measurement(points(**{other: 'p'}, **units))

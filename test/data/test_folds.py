@@ -65,7 +65,7 @@ def test_many_strains_of_a_map_are_cut_into_eight_bins(muscle, count, kept):
 
 
 def test_a_strain_that_is_held_has_no_inner_levels(muscle):
-    """But for its last digits it is one strain."""
+    """Strains that differ only by rounding are one level."""
     strain = 0.1 + 1e-6 * np.random.default_rng(0).normal(size=60)
     pressure = np.linspace(0.0, 3e5, 60)
     data = build('held', strain, pressure, muscle(0.1, pressure))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement, Recipe, taken_words
-from fam_bundle_ros.data.formats.layout import BLANKS
+from fam_bundle_ros.data.cell_text import BLANKS
 from fam_bundle_ros.errors import InputError
 
 from .instrument_forms import INSTRUMENTS
@@ -112,7 +112,7 @@ def test_what_is_no_log_fails_in_one_line(kind, tmp_path, capfd):
 
 @pytest.mark.parametrize('kind', ['random', 'zeros', 'every byte', 'picture'])
 def test_binary_files_are_called_so(kind, tmp_path):
-    """They are no text, whatever their ending says."""
+    """Binary content is not read as text, whatever the suffix."""
     (tmp_path / 'a.csv').write_bytes(HOSTILE[kind])
     with pytest.raises(InputError, match='not a text file'):
         read_measurement(tmp_path / 'a.csv')
@@ -133,8 +133,16 @@ def test_a_measurement_knows_the_digest_of_its_file(log, tmp_path):
     assert data.sha256 == hashlib.sha256((tmp_path / 'a.csv').read_bytes()).hexdigest()
 
 
+@pytest.mark.parametrize('content', ['[]', '{}', '[{}]'])
+def test_json_without_columns_fails(content, tmp_path):
+    """The error is one sentence, not a traceback."""
+    (tmp_path / 'a.json').write_text(content)
+    with pytest.raises(InputError, match='a.json: no columns'):
+        read_measurement(tmp_path / 'a.json')
+
+
 def test_json_that_nests_without_end_fails(tmp_path):
-    """Brackets for ever are no table."""
+    """Brackets nested 100000 deep are refused."""
     path = tmp_path / 'deep.json'
     path.write_text('[' * 100_000)
     with pytest.raises(InputError, match='deep.json'):
@@ -364,7 +372,7 @@ def test_a_short_last_run_below_its_name_is_no_footer(log, tmp_path, label):
                                   'Rest length = 250 mm', 'resting length of the muscle: 250 mm',
                                   'L\u00e4nge ungedehnt: 25,0 cm'])
 def test_a_rest_length_above_the_table_is_heard(log, tmp_path, line, kind):
-    """It is taken where none is told; one that is told counts more, and the other is noted."""
+    """It is used if the user tells none; else that of the user is used and the other noted."""
     path = tmp_path / f'a.{kind}'
     body = text([line, HEAD.replace(',', ';')], cells(log, ','), ';')
     if kind == 'csv':
@@ -426,7 +434,7 @@ def test_a_code_below_zero_is_found_among_forces_that_are_wide(log):
 
 @pytest.mark.parametrize('reading', [-999.0, 99.9, 9.99])
 def test_a_reading_of_nines_stays(log, reading):
-    """One alone, or one within what others read, is a reading."""
+    """A single 999, or one within the range of the readings, is a reading."""
     force = log['force'].copy()
     force[[20, 21] if reading > 0 else 20] = reading
     data = read_measurement({'t [s]': log['time'], 'eps': log['strain'],
@@ -451,7 +459,7 @@ def test_words_for_no_reading_are_blank_cells(log, tmp_path):
     ('', {30: 'ol'}, '(first row 21)')])
 def test_the_first_row_that_is_left_out_is_told_with_what_stands_there(log, tmp_path, kind, bad,
                                                                        more, said):
-    """A word for no reading may be a slip of the pen: one has to find it."""
+    """The first such word is shown with its row, as it may be a typing error."""
     rows = cells(log)
     for k, word in {19: bad, **more}.items():
         rows[k][3] = word

@@ -31,7 +31,7 @@ def test_noisy_isobars_are_levels_with_their_means():
 
 
 def test_a_swept_pressure_is_cut_into_eight_equal_ranges():
-    """So are more levels than can be told one by one, and one that is far wider than its gaps."""
+    """Equal bins also for too many levels, and for a level far wider than the gaps."""
     swept = np.linspace(0.0, 400e3, 1600, endpoint=False)
     level, means = pressure_levels(swept)
     assert level.tolist() == np.repeat(np.arange(8), 200).tolist()
@@ -44,7 +44,7 @@ def test_a_swept_pressure_is_cut_into_eight_equal_ranges():
 
 
 def test_one_pressure_is_one_level():
-    """Its mean is that pressure."""
+    """One level, whose mean is the pressure."""
     level, means = pressure_levels(np.full(5, 2e5))
     assert level.tolist() == [0] * 5
     assert means.tolist() == [2e5]

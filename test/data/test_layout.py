@@ -4,22 +4,24 @@
 
 import pytest
 
+from fam_bundle_ros.data.cell_text import (
+    in_groups,
+    is_blank,
+    is_number,
+    is_reading,
+    is_statistic,
+    with_unit,
+)
 from fam_bundle_ros.data.formats.layout import (
     are_units,
     counts_rows,
     find_data,
     find_names,
-    in_groups,
-    is_blank,
-    is_number,
-    is_reading,
     is_row,
-    is_statistic,
     may_name,
     moved_right,
     trimmed,
     with_bad_cells,
-    with_unit,
 )
 
 NAMES = ['time', 'strain', 'pressure', 'force']
@@ -90,7 +92,7 @@ def test_names_and_units_are_the_rows_that_fit_the_columns():
     ('1.5', ',', False), ('1 2', '.', False), ('', '.', False), ('e5', '.', False),
     ('12 N', '.', False), ('1,23.5', '.', False)])
 def test_a_number_has_the_sign_of_its_decimals(cell, decimal, number):
-    """The other one groups thousands."""
+    """The other sign separates thousands."""
     assert is_number(cell, decimal) == number
     assert is_number(f' {cell} ', decimal) == number
 

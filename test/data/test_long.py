@@ -64,7 +64,7 @@ def test_times_of_all_signals_that_go_back_begin_a_trial(readings):
 
 
 def test_a_run_whose_times_go_back_is_several_trials_of_its_name(readings):
-    """Numbered within it."""
+    """Runs are numbered within each trial of the column."""
     data = read_measurement(long(*((TIME, readings(level), {'run': run}) for level, run in (
         (100.0, 3.0), (200.0, 3.0), (300.0, 8.0)))))
     assert data.trial_names == ('3 1', '3 2', '8 1')
@@ -72,7 +72,7 @@ def test_a_run_whose_times_go_back_is_several_trials_of_its_name(readings):
 
 
 def test_times_of_one_signal_that_go_back_are_refused(readings):
-    """It is not known which readings belong together."""
+    """The readings of one sample cannot be found: an error."""
     table = long((TIME, readings(100.0), {}))
     table['time [s]'][100:120] -= 3.0
     with pytest.raises(InputError, match=r"row 101: the time of 'p_kPa' goes back"):

@@ -248,7 +248,7 @@ def test_a_pressure_that_is_held_is_smoothed_to_its_mean():
 
 @pytest.mark.parametrize('period', [10.0, 40.0])
 def test_a_pressure_that_swings_is_smoothed_without_a_lag(period):
-    """What is smoothed away of the swing itself is less than a tenth of the noise that goes."""
+    """Smoothing changes the motion by less than a tenth of the noise that it removes."""
     time, trial = 0.1 * np.arange(1000), np.zeros(1000, int)
     swing = 4e3 * np.sin(2.0 * np.pi * time / period)
     found = np.mean([smooth(time, swing + 300.0 * np.random.default_rng(k).standard_normal(1000),
@@ -302,7 +302,7 @@ def test_where_a_ramp_begins_the_rate_begins():
 
 
 def test_a_tip_on_a_sample_has_the_mean_of_both_rates():
-    """That is none where both legs are as fast: it cannot be known which the sample belongs to."""
+    """The sample at the tip has no slope if both legs are equally fast."""
     time = 0.005 * np.arange(400)
     strain = 0.1 - 0.05 * np.abs(time - 1.0)
     noise = 2e-5 * np.random.default_rng(5).standard_normal(400)

@@ -89,7 +89,7 @@ def test_a_gap_begins_a_trial(memory, between):
 
 
 def test_a_clock_that_was_set_back_clears_the_memory(memory):
-    """Two times of one clock cannot be told apart."""
+    """Two samples of one time of such a clock cannot be distinguished."""
     swept(memory, 0.0, 8.0)
     swept(memory, 0.0, 2.0)
     assert memory.seconds <= 2.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement, taken_words
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.errors import InputError
 
 from .test_columns import ROWS, table
@@ -119,7 +119,7 @@ def test_beside_psi_a_force_without_a_unit_is_asked(log):
 
 @pytest.mark.parametrize('other', ['Force corrected [N]', 'Force tared [N]'])
 def test_a_corrected_column_is_as_good_as_the_plain_one(log, other):
-    """Neither is chosen without a word, and they do not add up."""
+    """The error names both, and does not suggest their sum."""
     with pytest.raises(InputError, match=r'both may be force.*"force=force \[N\]"$'):
         read_measurement({**table(log), other: log[3] + 5.0})
     assert np.allclose(read_measurement(table(log, force=(other, log[3]))).force, log[3])
@@ -134,7 +134,7 @@ def test_of_three_axes_none_is_chosen_by_its_letter(log):
 
 
 def test_what_stands_above_of_absolute_pressure_is_asked(log, tmp_path):
-    """A remark is no unit: a note shows it."""
+    """A remark does not make a pressure absolute: a note shows it."""
     rows = [f'{t:.2f},{e:.5f},{p / 1e3:.2f},{f:.2f}' for t, e, p, f in zip(*log)]
     (tmp_path / 'a.csv').write_text('\n'.join([
         '# all pressures are absolute', 'time [s],strain,pressure [kPa],force [N]', *rows]))
@@ -153,7 +153,7 @@ def test_a_clock_with_steps_too_short_for_seconds_is_asked(log):
 
 
 def test_a_level_of_one_bar_is_not_taken_for_the_atmosphere(log):
-    """The muscle pulls at it."""
+    """The muscle pulls at 1 bar, so its pressure is not absolute."""
     data = table(log, pressure=('p [kPa]', log[2] / 1e3 - 50.5))
     assert not read_measurement(data).notes
 

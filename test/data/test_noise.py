@@ -16,7 +16,7 @@ from fam_bundle_ros.data.noise import (
     second_differences,
     visit_cells,
 )
-from fam_bundle_ros.data.trials import trial_offsets
+from fam_bundle_ros.data.trial_offsets import trial_offsets
 
 
 def stepped(data, step):
@@ -97,7 +97,7 @@ def test_a_held_muscle_visits_one_strain(muscle):
     (0.7, 10, 'second differences', ''), (0.6, 37, 'second differences', ''),
     (1.5, 15, 'second differences', ''), (1.5, 1000, 'second differences', 'slow noise')])
 def test_repeats_are_believed_only_when_they_clearly_agree_better(repeats, pairs, by, note):
-    """By a quarter, as one noise looks in one of 100 cases; that they agree worse is said."""
+    """If they differ by a quarter with a chance below 1 %; a larger scatter is noted."""
     floor = _chosen(np.zeros(9), 1.0, repeats, None, 1.0, pairs)
     assert floor.basis == by
     assert note in floor.note
@@ -233,6 +233,22 @@ def test_noise_of_a_map_is_that_of_its_lines(muscle):
     floor = noise_floor(mixed, (noise + smooth)[shuffled])
     assert floor.differences == pytest.approx(0.5, rel=0.1)
     assert floor.in_strain_order == pytest.approx(0.5, rel=0.1)
+
+
+@pytest.mark.parametrize('scattered', [False, True])
+def test_a_difference_of_the_units_of_a_bundle_is_no_noise(scattered):
+    """100 kPa in one unit is not 100 kPa in the other: the error of 20 N is smooth in both."""
+    rng = np.random.default_rng(14)
+    e, *p = (grid.ravel() for grid in np.meshgrid(
+        np.linspace(0, 0.2, 9), np.linspace(0.0, 4e5, 6), np.linspace(0.0, 4e5, 6)))
+    p = rng.uniform(0.0, 4e5, (len(e), 2)) if scattered else (
+        np.stack(p, -1) + 300.0 * rng.normal(size=(len(e), 2)))
+    noise = 0.5 * rng.normal(size=len(e))
+    data = build('map', e, p, 1e-4 * p.sum(-1) - 100.0 * e + noise)
+    error = 0.0 if scattered else 5e-5 * (p[:, 0] - p[:, 1])
+    floor = noise_floor(data, noise + error)
+    assert floor.value == pytest.approx(0.5, rel=0.25)
+    assert not floor.hides_loops
 
 
 def test_loops_of_a_map_are_smooth_in_the_file_and_not_by_strain(muscle):

@@ -66,7 +66,7 @@ def test_two_rows_have_the_slope_between_them_and_one_has_none():
 
 
 def test_blocks_of_rows_give_what_the_whole_gives(uneven, monkeypatch):
-    """To the last row of each part."""
+    """All rows of each part are covered."""
     parts = [np.arange(17), np.arange(17, 40)]
     whole = [_local(uneven[0][rows], uneven[1][rows], 3) for rows in parts]
     monkeypatch.setattr(rates, '_BLOCK', 5)
@@ -75,7 +75,7 @@ def test_blocks_of_rows_give_what_the_whole_gives(uneven, monkeypatch):
 
 
 def test_a_run_begins_where_any_label_changes():
-    """The first row begins one always."""
+    """The first row always begins a run."""
     one, other = np.array([1, 1, 2, 2, 2, 1]), np.array([0, 0, 0, 5, 5, 5])
     assert begins(one, other).tolist() == [True, False, True, True, False, True]
     assert begins(one).tolist() == [True, False, True, False, False, True]

@@ -89,6 +89,6 @@ def test_a_recipe_that_is_not_there_fails(tmp_path):
     Recipe(gauge=False), Recipe(drop_bad=True), Recipe(max_strain=0.6, max_pressure=2e6),
     Recipe(sheet='Run 2', rest_length=0.254123457), Recipe()])
 def test_a_recipe_is_read_as_it_was_written(told, tmp_path):
-    """Whatever was told, also that pressures are absolute."""
+    """All options survive, also that pressures are absolute."""
     save_recipe(told, tmp_path / 'lab.yaml')
     assert load_recipe(tmp_path / 'lab.yaml') == told

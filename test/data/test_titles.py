@@ -75,7 +75,7 @@ def test_titles_below_one_head_count_too(blocks, tmp_path):
 
 
 def test_an_absolute_pressure_of_a_title_is_converted(blocks, tmp_path):
-    """As one of a column is."""
+    """As a pressure in a column is."""
     rows, forces = blocks
     same(read(tmp_path, ''.join(f'Absolute pressure {level} bar\n{HEAD}\n{block}\n'
                                 for level, block in zip(LEVELS, rows))), forces, 101325.0)
@@ -103,7 +103,7 @@ def test_the_one_pressure_above_a_table_is_offered_as_a_constant(blocks, tmp_pat
 
 @pytest.mark.parametrize('title', ['Supply pressure: {} bar', 'Sensor range {} bar'])
 def test_a_pressure_of_something_else_is_not_that_of_the_muscle(title, blocks, tmp_path):
-    """What the supply or a sensor has says nothing of the rows."""
+    """The pressure of a supply or the range of a sensor is not that of the rows."""
     rows, _ = blocks
     with pytest.raises(InputError, match="'pressure' is missing"):
         read(tmp_path, ''.join(f'{title.format(level)}\n{HEAD}\n{block}\n'

@@ -412,7 +412,7 @@ def test_what_the_data_do_not_ask_for_is_added_with_a_word_of_it(sweeps, paper_m
     """Sweeps of the very model: end caps are no likelier than not; refitting asks nothing."""
     data = sweeps()
     added = add_effect(paper_muscle, 'end_caps', data)
-    assert 'do not support the change: odds of' in added.doubt
+    assert 'do not support the change: with it they are' in added.doubt
     assert added.doubt in str(added)
     assert added.log_odds < 0.0
     assert add_effect(paper_muscle, [], data).log_odds is None

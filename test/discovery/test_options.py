@@ -9,7 +9,7 @@ import pytest
 
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.discovery.options import head, Options, shapes_of
-from fam_bundle_ros.discovery.search import _ranked, Screened
+from fam_bundle_ros.discovery.search import _ranked, Screened, Search
 from fam_bundle_ros.discovery.settings import (
     Choices,
 )
@@ -45,6 +45,17 @@ def test_the_models_own_effects_may_be_replaced_and_removed(problem, paper_muscl
     assert options.replaced(('bladder_polynomial', 'mesh')) == {
         'bladder_elasticity': 'bladder_polynomial'}
     assert options.removed(('mesh',)) == ['bladder_elasticity']
+
+
+def test_other_shapes_of_the_models_own_effects_are_tried_in_the_best_set(problem, paper_muscle):
+    """Each other bladder, beside whatever else the best set has."""
+    cells, _, fitter = problem
+    search = Search(Options.of(paper_muscle, cells, Choices(most=1)), fitter).run()
+    assert search.best.names == ('bladder_elasticity', 'coulomb_friction', 'mesh')
+    others = search.options.reshaped_own(search.best.names)
+    assert {'bladder_polynomial', 'coulomb_friction', 'mesh'} in map(set, others)
+    assert all(set(names) >= {'coulomb_friction', 'mesh'} for names in others)
+    assert all(names in search.fits for names in others)
 
 
 def test_shapes_of_one_effect_share_its_prior(problem, paper_muscle):

@@ -80,6 +80,15 @@ def test_a_size_at_its_upper_bound_is_doubted_and_one_that_is_off_is_not(search,
     assert any('bound' in words for words in _warnings(fit, GOOD)) == doubted
 
 
+@pytest.mark.parametrize(('own', 'u', 'doubted'), [
+    (True, 2.9, False), (True, -3.1, True), (False, 3.1, False)])
+def test_a_constant_of_the_model_far_from_its_value_is_a_caution(search, own, u, doubted):
+    """Its value was told by the user; that of an added effect is only the usual one."""
+    prior = Prior('bladder_elasticity.c10', 1.0, 1e9, 1e5, 0.5, 'log', own)
+    fit = replace(search(nothing=0.0).null, priors=(prior,), u=np.array([u]))
+    assert any('widths' in words for words in _warnings(fit, GOOD)) == doubted
+
+
 def test_a_set_keeps_only_what_earns_a_name(search):
     """Of three effects the one that brings one log unit goes, wherever the search found it."""
     made = search(nothing=0.0, end_caps=300.0, coulomb_friction=40.0,

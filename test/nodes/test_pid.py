@@ -339,6 +339,25 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
         assert 0.0 in commands
 
 
+def test_a_reading_that_stands_still_near_the_trip_gets_no_stuck_time(graph):
+    """The loop fills on towards its setpoint, and the pressure is above the trip before that."""
+    node = graph.add(PressurePidNode(1, context=graph.context, overrides={
+        'clocks_synchronised': False, 'sensor_timeout': 10.0, 'setpoint_timeout': 10.0,
+        'stuck_time': 60.0}))
+    # only what the case is about
+    node._air.impossible = lambda *reading: ('', '')
+    commands, stamp = [], graph.probe.now_ns()
+    node._publish = lambda stamp, command: commands.append(command)
+    for k in range(400):
+        node._on_setpoint(interface.pressure_message(stamp, 344e3, 101325.0))
+        node._on_pressure(interface.pressure_message(stamp + k * 5_000_000, 330e3, 101325.0))
+        if node._guard.latched:
+            break
+        time.sleep(0.005)
+    assert (node._guard.word, commands[-1]) == ('FROZEN', -1.0)
+    assert 'mu1 has shown exactly 330 kPa while air for up to' in node._guard.now.reason
+
+
 def test_strain_and_supply_expire(graph):
     """Readings that stop coming are replaced by the parameters, and diagnostics say so."""
     node = PressurePidNode(1, context=graph.context, overrides={

@@ -4,12 +4,15 @@
 
 import ast
 from importlib import import_module
+import inspect
 import signal
+import sys
 
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.resources import config_path
 
 
@@ -137,3 +140,14 @@ def test_launch_file_declares_what_users_expect(repository, name):
     declared = {node.args[0].value for node in ast.walk(tree) if isinstance(node, ast.Call)
                 and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'}
     assert declared == {'namespace', 'params_file', 'use_sim_time', 'log_level', 'model'}
+
+
+def test_the_first_line_of_a_log_is_as_quick_as_the_next(graph, monkeypatch):
+    """The look through all modules for the caller is done when the node starts."""
+    monkeypatch.setattr(inspect, 'modulesbyfile', {})
+    monkeypatch.setattr(inspect, '_filesbymodname', {})
+    node = graph.add(BundleNode('talker', (), context=graph.context))
+    looked, look = [], inspect.getabsfile
+    monkeypatch.setattr(inspect, 'getabsfile', lambda *file: looked.append(file) or look(*file))
+    node.get_logger().error('OVER_PRESSURE')
+    assert len(looked) < 0.1 * len(sys.modules)

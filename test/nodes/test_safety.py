@@ -259,7 +259,45 @@ def test_an_emergency_stop_that_nobody_publishes_any_more_ends_it(graph, rig):
     assert graph.set('recruitment_controller', resume_within=0.3)[0].successful
     graph.probe.destroy_publisher(button)
     vented(graph, rig)
-    assert 'e_stop has no publisher any more' in rig.node._guard.now.reason
+    assert 'e_stop has no publisher, for 0.3 s' in rig.node._guard.now.reason
+
+
+def test_enable_needs_an_emergency_stop_that_is_received(graph, rig):
+    """A publisher that is volatile, or has never sent, would stop nothing."""
+    rig = rig(enable=False, e_stop=False)
+    volatile = graph.probe.create_publisher(Bool, 'e_stop', 10)
+    graph.until(lambda: rig.node.publisher_count('e_stop') == 1, 'the publisher')
+    volatile.publish(Bool(data=True))
+    graph.until(lambda: rig.node._oversight.watches[2].age is not None, 'readings')
+    success, message = enabled(graph)
+    assert not success
+    assert 'e_stop has a publisher, but nothing was received: it must be reliable' in message
+    graph.probe.destroy_publisher(volatile)
+    button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+    button.publish(Bool(data=False))
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+
+
+@pytest.mark.parametrize(('topic', 'kind'), [
+    ('mu1/pressure', FluidPressure), ('supply_enable', Bool), ('mu2/valve_command', JointState)])
+def test_enable_needs_one_rig_and_one_controller(graph, rig, topic, kind):
+    """A simulation that is started beside a rig, or a controller that was left running."""
+    rig = rig(enable=False)
+    other = graph.probe.create_publisher(kind, topic, 10)
+    graph.until(lambda: f'2 publishers on {topic}' in rig.node._oversight.refusal(), topic)
+    assert not enabled(graph)[0]
+    graph.probe.destroy_publisher(other)
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+
+
+def test_a_second_rig_on_the_same_topics_ends_it(graph, rig):
+    """Its readings belong to other muscles, however much they look alike."""
+    rig = rig()
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    graph.probe.create_publisher(FluidPressure, 'mu2/pressure', 10)
+    vented(graph, rig)
+    assert rig.node._guard.word == 'OTHER'
+    assert '2 publishers on mu2/pressure' in rig.node._guard.now.reason
 
 
 def test_a_recruitment_controller_that_stood_still_latches(graph, rig):
@@ -308,6 +346,9 @@ def test_limits_are_not_raised_while_it_acts(graph, rig):
         assert not refused.successful
         assert 'it may be lowered from 1.15 and not set to 3' in refused.reason
         assert graph.set(node, over_pressure_factor=1.12)[0].successful
+    # beyond the noise and the delay that are told, no reading contradicts the inflow
+    for changes in ({'quiet_error': 50e3}, {'transport_delay': 0.5}):
+        assert 'is a limit' in graph.set('pressure_pid_mu1', **changes)[0].reason
     assert not graph.set('recruitment_controller', reference_timeout=0.0)[0].successful
     graph.call(SetBool, 'enable', SetBool.Request(data=False))
     graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')

@@ -3,13 +3,16 @@
 """Samples put together from their channels, beside a node's other timers."""
 
 from collections import deque
+import math
 import time
 
+import pytest
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface, sensing
-from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 
 
 def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
@@ -27,6 +30,20 @@ def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
     graph.until(lambda: samples, 'a sample')
     graph.spin(0.05)
     assert sum(call > begin for call in calls) <= (time.monotonic() - begin) / 0.1 + 1
+
+
+@pytest.mark.parametrize('velocity', [[], [math.nan], [math.inf], [-math.inf], [100.0], [-1.1]])
+def test_a_velocity_that_no_muscle_has_is_as_good_as_none(graph, velocity):
+    """The strain is differentiated then, and the log says why: mm/s for a position in m?"""
+    node = graph.add(BundleNode('rig', (*sensing.SPECS, *LISTENER), context=graph.context))
+    heard = sensing.Sensing(node, 1, 0.1, lambda sample: None)
+    for k in range(20):
+        message = JointState(name=['contraction'], position=[1e-3 * k], velocity=velocity)
+        message.header.stamp = interface.to_stamp(k * 10**7)
+        strain, rate = heard._read_strain(message)
+    assert strain == pytest.approx(0.19)
+    assert rate == pytest.approx(1.0, rel=1e-6)
+    assert ('velocity' in node._said) == (velocity != [] and not math.isnan(velocity[0]))
 
 
 def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.table import plain_columns, Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.column_names import recognise
+from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -31,15 +31,14 @@ def _of_arrow(path: Path, kind: str) -> Table:
     pyarrow, reader, _ = (library(module, f'{path.name}: reading it')
                           for module in ('pyarrow', f'pyarrow.{kind}', 'pandas'))
     units = {}
-    try:
+    with reading_as(path, kind, OSError, ValueError, pyarrow.ArrowException):
         table = reader.read_table(path)
         for entry in table.schema:
             for key, value in (entry.metadata or {}).items():
                 if key.decode(errors='replace').casefold() in ('unit', 'units'):
                     units[entry.name] = value.decode(errors='replace')
-        return of_frame(table.to_pandas(), path.name, kind, units)
-    except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise unreadable(path, kind, error) from error
+        frame = table.to_pandas()
+    return of_frame(frame, path.name, kind, units)
 
 
 def of_frame(frame: Any, name: str, kind: str = 'frame',
@@ -54,20 +53,15 @@ def of_frame(frame: Any, name: str, kind: str = 'frame',
 
 def read_npz(path: Path, sheet: str | None = None) -> Table:
     """Return the table of an .npz: its arrays of equal length."""
-    try:
-        with np.load(path, allow_pickle=False) as packed:
-            values = {name: packed[name] for name in packed.files}
-    except (OSError, ValueError) as error:
-        raise unreadable(path, 'an .npz without objects', error) from error
+    with reading_as(path, 'an .npz without objects'), np.load(path, allow_pickle=False) as packed:
+        values = {name: packed[name] for name in packed.files}
     return of_arrays(path.name, '.npz', values)
 
 
 def read_npy(path: Path, sheet: str | None = None) -> Table:
     """Return the table of an .npy: fields of a structured array, or columns."""
-    try:
+    with reading_as(path, 'an .npy without objects'):
         values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise unreadable(path, 'an .npy without objects', error) from error
     if values.dtype.names:
         return of_arrays(path.name, '.npy', {name: values[name] for name in values.dtype.names})
     return of_arrays(path.name, '.npy', {'column': values})
@@ -79,17 +73,13 @@ def read_json(path: Path, sheet: str | None = None) -> Table:
     try:
         values = json.loads(path.read_text(encoding='utf-8-sig'))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        try:
+        with reading_as(path, 'JSON', ValueError, RecursionError, AttributeError):
             lines = path.read_text(encoding='utf-8-sig').splitlines()
             records = [json.loads(line) for line in lines if line.strip()]
             return of_frame(pandas.json_normalize(records), path.name, 'JSON lines')
-        except (ValueError, RecursionError, AttributeError) as error:
-            raise unreadable(path, 'JSON', error) from error
     if isinstance(values, list):
-        try:
+        with reading_as(path, 'JSON', ValueError, TypeError, AttributeError):
             return of_frame(pandas.json_normalize(values), path.name, 'JSON')
-        except (ValueError, TypeError, AttributeError) as error:
-            raise unreadable(path, 'JSON', error) from error
     inner = list(values.values()) if isinstance(values, dict) else []
     if inner and all(isinstance(each, dict) and len(each) > len(inner) and not any(
             isinstance(cell, (dict, list)) for cell in each.values()) for each in inner):
@@ -101,7 +91,7 @@ def flattened(values: Mapping[str, Any]) -> dict[str, Any]:
     """
     Return nested mappings as one: 'log.force'.
 
-    A channel with times of its own has them before it; shorter ones are filled up with nan.
+    The times of a channel stand before it; shorter channels are padded with nan.
     """
     flat = _flat(values, '', 4)
     channels = {name: value for name, value in flat.items() if isinstance(value, _Series)}
@@ -135,7 +125,7 @@ def _filled_up(values: np.ndarray, rows: int) -> np.ndarray:
 
 
 def _flat(values: Mapping[str, Any], prefix: str, depth: int) -> dict[str, Any]:
-    """Return nested mappings as one, channels with times as `_Series`."""
+    """Return nested mappings as one mapping; channels with times become `_Series`."""
     flat: dict[str, Any] = {}
     pairs = _pairs(values)
     for key, value in values.items():
@@ -198,7 +188,7 @@ _CHANNEL = ('name', 'label', 'title'), ('unit', 'units')
 
 
 def _channels(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return structs of a name and one vector each as vectors by name, {} for other structs."""
+    """Return vectors by name from structs that hold a name and a vector, {} for others."""
     found: dict[str, Any] = {}
     for entry in entries:
         texts = {key.casefold(): value for key, value in entry.items() if isinstance(value, str)}
@@ -244,65 +234,78 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
     Nested mappings are flattened; a matrix gives a column each (named by a list of as many
     texts, if there is one); texts named ``units.<name>`` or ``<name>_unit`` are units.
     """
-    flat = flattened(_joined(runs) if (runs := _runs(values)) else values)
-    vectors: dict[str, np.ndarray] = {}
-    texts: dict[str, str] = {}
-    labels: list[list[str]] = []
-    matrices: dict[str, np.ndarray] = {}
-    for key, value in flat.items():
-        if isinstance(value, str):
-            texts[key] = value
-            continue
-        try:
-            array = np.asarray(value)
-        except ValueError:
-            continue
-        array = np.squeeze(array)
-        if array.ndim == 0 or not array.size:
-            if array.dtype.kind in 'USif' and array.size:
-                texts[key] = str(array[()])
-            continue
-        if array.dtype.kind in 'USO' and array.ndim == 1 and len(array) < 60 and all(
-                isinstance(cell, str) for cell in array.tolist()):
-            labels.append([str(cell) for cell in array.tolist()])
-        if array.ndim == 1 and array.dtype.kind in 'biufUSOmM':
-            kinds = array.astype(object) if array.dtype.kind in 'USO' else array
-            vectors[key] = kinds.astype(float) if array.dtype.kind in 'biuf' else kinds
-        elif array.ndim == 2 and array.dtype.kind in 'biuf':
-            matrices[key] = (array if array.shape[0] >= array.shape[1] else array.T).astype(float)
+    found = _by_shape(flattened(_joined(runs) if (runs := _runs(values)) else values))
+    vectors, matrices = found.vectors, found.matrices
     trials = _side_by_side(vectors, matrices)
     vectors = trials or vectors
     for key, columns in matrices.items():
-        fitting = [names for names in labels if len(names) == columns.shape[1]]
-        heads = fitting[0] if fitting else [f'{key} {i + 1}' for i in range(columns.shape[1])]
+        count = columns.shape[1]
+        heads = next((names for names in found.labels if len(names) == count),
+                     [f'{key} {i + 1}' for i in range(count)])
         vectors.update(dict(zip(heads, columns.T)))
-    lengths = [len(vector) for vector in vectors.values() if vector.dtype.kind in 'biuf']
-    lengths = [length for length in lengths if length > 1]
+    lengths = [len(vector) for vector in vectors.values()
+               if vector.dtype.kind == 'f' and len(vector) > 1]
     if not lengths:
         raise InputError(f'{name}: no columns of numbers in it; expected arrays of equal length '
                          'for strain (or length), pressure and force')
-    rows = max(set(lengths), key=lambda length: (lengths.count(length), length))
+    rows = max(lengths, key=lambda length: (lengths.count(length), length))
     kept = {key: vector for key, vector in vectors.items() if len(vector) == rows}
-    short = _short_names(list(kept))
-    columns_of = {head: kept[key] for key, head in zip(kept, unique(short))}
-    units = {}
-    for key, head in zip(kept, columns_of):
-        last = key.rpartition('.')[2]
-        for label, text in texts.items():
-            first, _, tail = label.rpartition('.')
-            if (tail == last and first.rpartition('.')[2].casefold() in ('unit', 'units')) or (
-                    tail in (f'{last}_unit', f'{last}_units')):
-                units[head] = text
+    heads = unique(_short_names(list(kept)))
+    units = {head: text for key, head in zip(kept, heads) for label, text in found.texts.items()
+             if _is_unit_of(label, key.rpartition('.')[2])}
     other = [key for key in vectors if key not in kept and vectors[key].dtype.kind == 'f']
     notes = [f'of another length, not used: {", ".join(other)}'] if other else []
     notes += ['columns of matrices are trials: read one below the other'] if trials else []
-    return Table(name, kind, columns_of, units, notes=tuple(notes), above=tuple(
-        f'{key.rpartition(".")[2]} = {text}' for key, text in texts.items()))
+    above = tuple(f'{key.rpartition(".")[2]} = {text}' for key, text in found.texts.items())
+    return Table(name, kind, dict(zip(heads, kept.values())), units, notes=tuple(notes),
+                 above=above)
+
+
+class _Found(NamedTuple):
+    """Vectors and matrices (floats; vectors may be text), texts and numbers, lists of names."""
+
+    vectors: dict[str, np.ndarray]
+    matrices: dict[str, np.ndarray]
+    texts: dict[str, str]
+    labels: list[list[str]]
+
+
+def _by_shape(flat: Mapping[str, Any]) -> _Found:
+    """Return values sorted by what they are; a matrix has more rows than columns."""
+    found = _Found({}, {}, {}, [])
+    for key, value in flat.items():
+        try:
+            array = np.squeeze(np.asarray(value))
+        except ValueError:
+            continue
+        kind = array.dtype.kind
+        if isinstance(value, str):
+            found.texts[key] = value
+        elif array.ndim == 0 or not array.size:
+            if kind in 'USif' and array.size:
+                found.texts[key] = str(array[()])
+        elif array.ndim == 1 and kind in 'biufUSOmM':
+            if kind in 'USO' and len(array) < 60 and all(
+                    isinstance(cell, str) for cell in array.tolist()):
+                found.labels.append(array.tolist())
+            found.vectors[key] = array if kind in 'mM' else array.astype(
+                float if kind in 'biuf' else object)
+        elif array.ndim == 2 and kind in 'biuf':
+            found.matrices[key] = (array if len(array) >= array.shape[1] else array.T
+                                   ).astype(float)
+    return found
+
+
+def _is_unit_of(label: str, name: str) -> bool:
+    """Return whether a text is called as the unit of a name: 'units.F', 'F_unit'."""
+    first, _, last = label.rpartition('.')
+    return last in (f'{name}_unit', f'{name}_units') or last == name and first.rpartition('.')[
+        2].casefold() in ('unit', 'units')
 
 
 def _side_by_side(vectors: Mapping[str, np.ndarray], matrices: dict[str, np.ndarray],
                   ) -> dict[str, np.ndarray]:
-    """Return trials that are the columns of matrices, and take these away; {} for none."""
+    """Return trials that are columns of matrices, {} for none; remove these matrices."""
     shape = next((matrix.shape for key, matrix in matrices.items()
                   if recognise(key.rpartition('.')[2]).quantity == 'force'), (0, 0))
     alike = [key for key, matrix in matrices.items() if matrix.shape == shape]
@@ -315,7 +318,7 @@ def _side_by_side(vectors: Mapping[str, np.ndarray], matrices: dict[str, np.ndar
 
 
 def _short_names(keys: list[str]) -> list[str]:
-    """Return names without what all of them begin with: `log.force` is `force`."""
+    """Return names without a common prefix: `log.force` becomes `force`."""
     while keys and all('.' in key for key in keys) and len({key.split('.')[0]
                                                             for key in keys}) == 1:
         keys = [key.partition('.')[2] for key in keys]

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""In which encoding a text file is: by its mark, else by its bytes."""
+"""Encoding of a text file, by its byte order mark or by its bytes."""
 
 from __future__ import annotations
 

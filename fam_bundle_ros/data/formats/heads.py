@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import re
 
+from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.unit_names import unit_of
-from fam_bundle_ros.data.vocabulary import recognise, unit_text_of
 
 _UNIT_KEYS = ('unit', 'units', 'einheit')
 #: What may be a level in a cell of its own: '3 bar', '20 %'.

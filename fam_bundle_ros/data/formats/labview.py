@@ -4,17 +4,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 import io
 import logging
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.formats import layout
+from fam_bundle_ros.data.cell_text import is_number
+from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.encodings import encoding_of
-from fam_bundle_ros.data.formats.table import Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.formats.layout import trimmed
+from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -37,57 +40,71 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
     general = dict(_header_line(line) for line in lines[:40] if line.strip())
     separator = {'Comma': ',', 'Tab': '\t'}.get(general.get('Separator', 'Tab'), '\t')
     decimal = general.get('Decimal_Separator', '.').strip() or '.'
-    frames, header, rows, units, trial = [], {}, [], {}, -1
-    names: list[str] = []
-    at, inside = 0, False
-    while at < len(lines):
-        line = lines[at]
-        cells = [cell.strip() for cell in line.split(separator)]
-        if cells[0] == _END:
-            inside = True
-            at += 1
-            continue
-        if cells[0] == 'Channels' or not inside:
-            inside = False
-            header[cells[0]] = cells[1:]
-            at += 1
-            continue
-        if not layout.is_number(cells[0], decimal) and cells[0]:
-            names = unique(layout.trimmed(cells))
-            trial += 1
-        elif not any(cells):
-            at += 1
-            continue
-        begin = at + (not layout.is_number(cells[0], decimal) and bool(cells[0]))
-        end = begin
-        while end < len(lines) and lines[end].strip() and not lines[end].startswith(
-                ('Channels', _END)):
-            end += 1
-        if end == begin:
-            at = end if end > at else at + 1
-            continue
-        block = pandas.read_csv(io.StringIO('\n'.join(lines[begin:end])), sep=separator,
-                                decimal=decimal, header=None, index_col=False,
-                                names=names)
-        rows.append(np.arange(begin, end) + 1)
-        frames.append(_with_time(block.drop(columns='Comment', errors='ignore'), header,
-                                 max(trial, 0)))
-        channels = [name for name in names if not name.startswith('X_Value')]
-        units.update({name: unit for name, unit in zip(
-            channels, [unit for unit in header.get('Y_Unit_Label', []) if unit]
-            if 'X_Value (2)' in names else header.get('Y_Unit_Label', [])) if unit})
-        at = end
+    frames, rows, units = [], [], {'X_Value': 's'}
+    for block in _blocks(lines, separator, decimal):
+        frame = pandas.read_csv(io.StringIO('\n'.join(block.lines)), sep=separator,
+                                decimal=decimal, header=None, index_col=False, names=block.names)
+        frames.append(_with_time(frame.drop(columns='Comment', errors='ignore'), block.header))
+        frames[-1]['trial'] = block.trial
+        rows.append(block.first + np.arange(len(block.lines)))
+        labels = block.header.get('Y_Unit_Label', [])
+        if 'X_Value (2)' in block.names:  # a blank label for each clock
+            labels = list(filter(None, labels))
+        channels = [name for name in block.names if not name.startswith('X_Value')]
+        units |= {name: unit for name, unit in zip(channels, labels) if unit}
     if not frames:
         raise InputError(f'{path.name}: no channels in it; expected those of a LabVIEW '
                          'measurement file')
     whole = pandas.concat(frames, ignore_index=True)
-    if len(frames) == 1:
-        whole = whole.drop(columns='trial')
-    columns = {name: (whole[name].to_numpy(float) if whole[name].dtype.kind in 'biuf' else
-                      whole[name].to_numpy(object)) for name in whole.columns}
-    units['X_Value'] = 's'
+    columns = plain_columns(whole if len(frames) > 1 else whole.drop(columns='trial'))
     return Table(path.name, '.lvm', columns, {name: unit for name, unit in units.items()
                                               if name in columns}, np.concatenate(rows))
+
+
+class _Block(NamedTuple):
+    """
+    Rows of numbers below one header.
+
+    Attributes
+    ----------
+    header : dict of str to list of str
+        Values of each key, one for each channel.
+    names : list of str
+        Of the columns.
+    trial : int
+        How many rows of names stand between the first one and this block.
+    first : int
+        Number of the first line in the file.
+    lines : list of str
+    """
+
+    header: dict[str, list[str]]
+    names: list[str]
+    trial: int
+    first: int
+    lines: list[str]
+
+
+def _blocks(lines: list[str], separator: str, decimal: str) -> Iterator[_Block]:
+    """Yield the blocks of rows of a .lvm file; a segment's header adds to those before it."""
+    header: dict[str, list[str]] = {}
+    names: list[str] = []
+    rows: list[str] = []
+    trial, inside = -1, False
+    for at, line in enumerate([*lines, '']):
+        cells = [cell.strip() for cell in line.split(separator)]
+        if rows and (not line.strip() or line.startswith(('Channels', _END))):
+            yield _Block(header, names, max(trial, 0), at - len(rows) + 1, rows)
+            rows = []
+        if cells[0] == _END:
+            inside = True
+        elif cells[0] == 'Channels' or not inside:
+            inside = False
+            header[cells[0]] = cells[1:]
+        elif not rows and cells[0] and not is_number(cells[0], decimal):
+            names, trial = unique(trimmed(cells)), trial + 1
+        elif rows or any(cells):
+            rows.append(line)
 
 
 def _header_line(line: str) -> tuple[str, str]:
@@ -98,8 +115,8 @@ def _header_line(line: str) -> tuple[str, str]:
     return line.strip(), ''
 
 
-def _with_time(block: Any, header: dict[str, list[str]], trial: int) -> Any:
-    """Return a segment's columns with one time, in front, and the trial."""
+def _with_time(block: Any, header: dict[str, list[str]]) -> Any:
+    """Return the columns of a block with one time, the first column."""
     clocks = [name for name in block.columns if str(name).startswith('X_Value')]
     if len(clocks) > 1:  # Multi: a clock in front of each channel
         clock, own = block[clocks[0]].to_numpy(float), None
@@ -114,15 +131,17 @@ def _with_time(block: Any, header: dict[str, list[str]], trial: int) -> Any:
     if clocks and block[clocks[0]].isna().all():
         block, clocks = block.drop(columns=clocks), []
     if not clocks:
-        def first(key: str, default: float) -> float:
-            try:
-                return float(header.get(key, [''])[0].replace(',', '.'))
-            except (ValueError, IndexError):
-                return default
-        step = first('Delta_X', 1.0)
-        block.insert(0, 'X_Value', first('X0', 0.0) + step * np.arange(len(block)))
-    block['trial'] = trial
+        begin, step = _number_of(header, 'X0', 0.0), _number_of(header, 'Delta_X', 1.0)
+        block.insert(0, 'X_Value', begin + step * np.arange(len(block)))
     return block
+
+
+def _number_of(header: dict[str, list[str]], key: str, default: float) -> float:
+    """Return the first value of a key of a header."""
+    try:
+        return float(header.get(key, [''])[0].replace(',', '.'))
+    except (ValueError, IndexError):
+        return default
 
 
 def read_tdms(path: Path, sheet: str | None = None) -> Table:
@@ -141,31 +160,29 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
     for logger in logging.root.manager.loggerDict:
         if logger.startswith('nptdms'):  # what is wrong is said below
             logging.getLogger(logger).setLevel(logging.CRITICAL)
-    try:
+    with reading_as(path, '.tdms', Exception):  # npTDMS's own and struct's on damaged files
         file = nptdms.TdmsFile.read(path)
         groups = {group.name: group.channels() for group in file.groups()}
         found = {name: _of_group(channels) for name, channels in groups.items()
                  if any(len(channel) for channel in channels)}
-    except Exception as error:  # npTDMS raises struct's and its own on damaged files
-        raise unreadable(path, '.tdms', error) from error
     if sheet is not None and sheet not in found:
         raise InputError(f"{path.name}: no group '{sheet}'; expected one of {', '.join(found)}")
     if not found:
         raise InputError(f'{path.name}: no channels with values in it; expected a log')
     if sheet is not None:
         found = {sheet: found[sheet]}
-    best = max(found, key=lambda name: sum(recognise(channel, found[name][1].get(channel, '')
-                                                     ).quantity != '' for channel in
-                                           found[name][0]))
-    columns, units = found[best]
-    alike = [name for name in found if list(found[name][0]) == list(columns)]
-    notes = [f'not read: group {name}' for name in found if name not in alike]
-    if len(alike) > 1:
-        lengths = [len(next(iter(found[name][0].values()))) for name in alike]
-        columns = {channel: np.concatenate([found[name][0][channel] for name in alike])
-                   for channel in columns}
-        columns['trial'] = np.repeat(np.array(alike, object), lengths)
-    return Table(path.name, '.tdms', columns, units, notes=tuple(notes))
+    tables = {name: Table(path.name, '.tdms', *group) for name, group in found.items()}
+    best = max(tables.values(), key=lambda table: sum(map(bool, table.quantities.values())))
+    alike = {name: table for name, table in tables.items()
+             if list(table.columns) == list(best.columns)}
+    notes = tuple(f'not read: group {name}' for name in tables if name not in alike)
+    if len(alike) == 1:
+        return replace(best, notes=notes)
+    columns = {channel: np.concatenate([table.columns[channel] for table in alike.values()])
+               for channel in best.columns}
+    columns['trial'] = np.repeat(np.array(list(alike), object),
+                                 [len(table.rows) for table in alike.values()])
+    return Table(path.name, '.tdms', columns, best.units, notes=notes)
 
 
 def _clock(channel: Any) -> np.ndarray | None:

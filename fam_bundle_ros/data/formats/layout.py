@@ -18,30 +18,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.cell_text import (
+    is_blank,
+    is_number,
+    is_reading,
+    is_statistic,
+    is_time,
+    with_unit,
+)
+from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.formats import heads
+from fam_bundle_ros.data.formats.table import is_unnamed
 from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
-from fam_bundle_ros.data.vocabulary import recognise, unit_text_of
 
-#: Cells that stand for no reading, in any case: blanks, what is no number in C and in Excel, and
-#: what instruments write beyond their range.
-BLANKS = ('', '-', '--', '---', '----', '\u2013', '.', '..', '...', '?', '*', '**', '***', '****',
-          '*****', 'nan', '-nan', '+nan', 'nan(ind)', '-nan(ind)', 'na', 'n/a', 'n.a.', 'null',
-          'none', 'nil', 'inf', '+inf', '-inf', 'infinity', '-infinity', '1.#ind', '-1.#ind',
-          '1.#qnan', '-1.#qnan', '1.#inf', '-1.#inf', '#n/a', '#nv', '#na', '#div/0!', '#value!',
-          '#wert!', '#ref!', '#bezug!', '#num!', '#zahl!', '#name?', '#null!', 'ol', '+ol', '-ol',
-          'o.l.', 'ovl', 'ovld', 'ovfl', 'over', 'overflow', 'overload', 'overrange', 'over range',
-          'underflow', 'underrange', 'out of range', 'missing', 'invalid', 'no data', 'nodata')
-_BLANKS = frozenset(BLANKS)
-_NUMBER = {
-    '.': re.compile(r'[-+]?(\d+(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),
-    ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
-}
-_CLOCK = re.compile(r'\d{1,4}[-./ ](\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}([T ]\S+.*)?|\d{8}T\S+|'
-                    r'(\d+ days?,? )?\d{1,3}:\d{2}(:\d{2})?([.,]\d+|:\d{3})?(\s*[AaPp][Mm])?')
-#: What calls a row a statistic of others.
-_STATISTIC = re.compile(r'(mean|average|avg|max|min|std|st\.? ?dev|sd|sigma|median|sum|total|'
-                        r'range|mittelwert|mittel|summe|standardabw|moyenne|media)', re.I)
-#: Units of what is no reading of a muscle, in rows of units.
+#: Units of other quantities that stand in a row of units.
 _OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
     l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
 #: Rows looked at above the data, and for names.
@@ -56,57 +46,6 @@ class Layout(NamedTuple):
     first: int
     width: int
     note: str = ''
-
-
-def is_blank(cell: str) -> bool:
-    """Return whether a cell holds no reading."""
-    return cell.strip().casefold() in _BLANKS
-
-
-def is_number(cell: str, decimal: str = '.') -> bool:
-    """Return whether a cell holds a number, with this sign before its decimals."""
-    return _NUMBER[decimal].fullmatch(cell.strip()) is not None
-
-
-def is_statistic(cell: object) -> bool:
-    """Return whether a cell calls its row a statistic of others: 'Mean', 'Max.', 'Maximum'."""
-    return _STATISTIC.match(str(cell).strip()) is not None
-
-
-def in_groups(cells: Sequence[str], sign: str) -> bool:
-    """
-    Return whether a sign in a column groups thousands: '950' beside '1,013', never '1,5'.
-
-    Examples
-    --------
-    >>> in_groups(['950', '1,013'], ','), in_groups(['0,950', '1'], ',')
-    (True, False)
-    """
-    found = [cell.strip().lstrip('+-') for cell in cells if sign in cell]
-    return bool(found) and all(
-        re.fullmatch(rf'[1-9]\d{{0,2}}({re.escape(sign)}\d{{3}})+', cell) for cell in found
-        ) and any(re.fullmatch(r'[-+]?[1-9]\d{2}', cell.strip()) for cell in cells)
-
-
-def is_reading(cell: str, decimal: str = '.') -> bool:
-    """Return whether a cell holds a number, a date or a time of day."""
-    return is_number(cell, decimal) or _CLOCK.fullmatch(cell.strip()) is not None or (
-        with_unit(cell, decimal) is not None)
-
-
-def with_unit(cell: str, decimal: str = '.') -> tuple[str, str] | None:
-    """
-    Return number and unit of a cell that holds both, None for others.
-
-    Examples
-    --------
-    >>> with_unit('12.5 mm'), with_unit('run 2')
-    (('12.5', 'mm'), None)
-    """
-    match = re.fullmatch(r'([-+]?[\d.,]*\d)\s*([^\W\d_%][\w%/\u00b2^]*|%)', cell.strip())
-    if match and is_number(match[1], decimal) and is_unit(match[2]):
-        return match[1], match[2]
-    return None
 
 
 def trimmed(row: Sequence[str]) -> list[str]:
@@ -132,7 +71,7 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     numbers = np.array([sum(is_reading(cell, decimal) for cell in row) for row in grid])
     blanks = np.array([sum(is_blank(cell) for cell in trimmed(row)) for row in grid])
     later = np.arange(len(grid)) >= len(grid) // 2
-    # a row of one number may be data too, but then there is nothing to compare
+    # rows of one number count only if there are no rows of more
     full = later & (numbers >= 2) if (later & (numbers >= 2)).any() else numbers >= 2
     if not full.any():
         return -1, 0
@@ -141,7 +80,7 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     data = (np.abs(width - usual_width) <= 1) & (numbers >= 2) & (numbers + blanks >= usual)
     data |= (width <= usual_width) & (numbers >= 1) & (numbers + usual_width - width >= usual)
     share = np.cumsum(data[::-1])[::-1] / np.arange(len(data), 0, -1)
-    # a line of one reading above the names is the date of the test
+    # a line with one reading above the names may be the date of the test
     good = np.flatnonzero(data & (share >= 0.8) & (numbers >= min(usual, 2)))
     if not len(good):
         return -1, 0
@@ -198,7 +137,7 @@ def is_row(cells: Sequence[str], width: int, decimal: str = '.') -> bool:
 
 
 def with_bad_cells(rows: Sequence[Sequence[str]], width: int, decimal: str = '.') -> int:
-    """Return how many rows directly above the first sound one are data too, with bad cells."""
+    """Return the number of rows directly above the data that are data with bad cells."""
     return sum(1 for _ in takewhile(lambda row: is_row(row, width, decimal), reversed(rows)))
 
 
@@ -206,7 +145,7 @@ def may_name(cells: Sequence[str], width: int) -> bool:
     """Return whether a row has a word for each column, but for the first, and no readings."""
     used = trimmed(cells)
     return len(used) == width and not are_units(used) and not any(
-        is_number(cell) or is_blank(cell) and at or _CLOCK.fullmatch(cell)
+        is_number(cell) or is_blank(cell) and at or is_time(cell)
         for at, cell in enumerate(used))
 
 
@@ -232,17 +171,17 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
             if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or _of_columns(
                 row[:width]) or i + 1 < len(rows) and are_units(rows[i + 1][:width]))]
     near = heads.with_levels([(i, row) for i, row in near if not any(
-        is_number(cell) or _CLOCK.fullmatch(cell) for cell in row if len(cell) > 1)])
+        is_number(cell) or is_time(cell) for cell in row if len(cell) > 1)])
     if not near:
         return [f'column {i + 1}' for i in range(width)], {}, -1
     filled = [all(cell.strip() for cell in row) for _, row in near]
     known = [sum(recognise(cell).quantity != '' for cell in row if cell.strip())
              for _, row in near]
     unit_like = [are_units(row) for _, row in near]
-    # 's' is the name of a path too, but not of each column
+    # 's' is a unit and the name of a displacement; a row of names has different cells
     candidates = [i for i, (_, row) in enumerate(near) if not unit_like[i] or (
         known[i] > 0.5 * len(row) < len(set(row)))]
-    # one known word in a row with gaps is of a setting
+    # a row with gaps and one known word is a setting
     at = max(candidates, default=-1, key=lambda i: (
         known[i] if known[i] > 1 or filled[i] else 0, filled[i], i))
     over = near[at - 1][1] if at > 0 else [''] * width
@@ -272,7 +211,7 @@ def moved_right(names: list[str], data: Sequence[Sequence[str]]) -> list[str]:
     ['column 1', 'p', 'F']
     """
     last = f'column {len(names)}'
-    if names[-1] != last or any(re.fullmatch(r'column \d+', name) for name in names[:-1]):
+    if names[-1] != last or any(is_unnamed(name) for name in names[:-1]):
         return names
     rows = [row for row in data if len(row) == len(names)]
     first = [row[0] for row in rows]
@@ -290,7 +229,7 @@ def counts_rows(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _with_name_above(cell: str, above: str) -> str:
-    """Return a name; of a cell that is merged with the one above, or has a unit alone, both."""
+    """Return a name; a blank cell, or one with a unit alone, takes the name above it."""
     alone = not cell or cell[0] in '[(' and is_unit(cell)
     return f'{above} {cell}'.strip() if alone and recognise(above).quantity else cell
 

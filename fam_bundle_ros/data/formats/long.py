@@ -11,17 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-import re
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers, seconds
 from fam_bundle_ros.data.cells import labels as trial_labels
-from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
+from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.unit_names import is_unit
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS, words_of
 from fam_bundle_ros.errors import InputError
 
 #: What columns of signal names, readings and units are called, their words joined.
@@ -34,7 +33,7 @@ _UNIT = frozenset('unit units einheit unite unidad'.split())
 #: Columns that say whether a reading is good, and how.
 _QUALITY = frozenset('quality validity valid opcquality status'.split())
 _GOOD = frozenset('good ok valid true 1 192'.split())
-#: More different names than this are no signals.
+#: Most signals of a table; a column with more different words is text.
 _MOST = 200
 #: s of one unit of a clock; controllers of Siemens count millionths of a day.
 _COUNTS = np.array([1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0, 0.0864])
@@ -53,31 +52,31 @@ def wide(table: Table) -> Table:
     if found is None:
         return table
     signal, value, others = found
-    # heads that stand there again are no readings
+    # rows that repeat the header are not readings
     named = np.array([not blank(cell) for cell in table.columns[signal]], bool)
     rows = named & np.array([str(cell).strip() != signal for cell in table.columns[signal]], bool)
     bad, qualities = _of_bad_quality(table, others, rows)
     rows &= ~bad
     labels, names = _counted(table.columns[signal][rows])
     at, cells = table.rows[rows], table.columns[value][rows]
-    clock, times, clock_unit, instead_of = _clock(table, others, rows)
+    clock = _clock(table, others, rows)
     trial = next((header for header in others if recognise(header).quantity == 'trial'), '')
     told = _counted(trial_labels(table.columns[trial][rows]) if trial else ['1'] * len(at))
-    runs, run_names = _with_resets(table.name, at, names, labels, times, *told)
-    place, first = _places(labels, times, runs)
+    runs, run_names = _with_resets(table.name, at, names, labels, clock.times, *told)
+    place, first = _places(labels, clock.times, runs)
     columns: dict[str, np.ndarray] = {}
     if trial or len(run_names) > 1:
         columns[trial or 'trial'] = np.array(run_names, object)[runs[first]]
-    if clock:
-        columns[clock] = times[first]
+    if clock.header:
+        columns[clock.header] = clock.times[first]
     headers = unique([*columns, *names])[len(columns):]
     for k, header in enumerate(headers):
         columns[header] = _spread(cells[labels == k], place[labels == k], len(first))
     units = {header: unit for header, unit in table.units.items() if header in columns}
-    units |= {clock: clock_unit} if clock_unit else {}
+    units |= {clock.header: clock.unit} if clock.unit else {}
     units |= _units(table, others, rows, labels, headers)
-    unread = [repr(header) for header in others if not re.fullmatch(r'column \d+', header)
-              and header not in (*columns, *qualities, instead_of) and _key(header) not in _UNIT]
+    unread = [repr(header) for header in others if not is_unnamed(header)
+              and header not in (*columns, *qualities, clock.source) and _key(header) not in _UNIT]
     notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
              + (f"; not used: {', '.join(unread)}" if unread else '')]
     if bad.any():
@@ -92,7 +91,7 @@ def wide(table: Table) -> Table:
 
 def _columns(table: Table) -> tuple[str, str, list[str]] | None:
     """Return the headers of signal names, of readings, and of the rest; None for other tables."""
-    known = {recognise(header, table.units.get(header, '')).quantity for header in table.columns}
+    known = set(table.quantities.values())
     if known & {'force', 'pressure'}:
         return None
     signals = {}
@@ -121,7 +120,7 @@ def _key(header: str) -> str:
 
 def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray,
                     ) -> tuple[np.ndarray, list[str]]:
-    """Return the rows whose quality is not good, where that of most is, and by which columns."""
+    """Return the rows of bad quality, and the columns that say so (good in most rows)."""
     bad, used = np.zeros(len(rows), bool), []
     for header in others:
         if _key(header) in _QUALITY:
@@ -135,18 +134,26 @@ def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray,
 
 
 def _counted(cells: Iterable[Any]) -> tuple[np.ndarray, list[str]]:
-    """Return the number of each cell's text among the different ones, and these."""
+    """Return a code for each cell and the text of each code."""
     number: dict[str, int] = {}
     codes = np.array([number.setdefault(str(cell).strip(), len(number)) for cell in cells], int)
     return codes, list(number)
 
 
-def _clock(table: Table, others: Sequence[str], rows: np.ndarray,
-           ) -> tuple[str, np.ndarray, str, str]:
-    """
-    Return the clock: its header, times (R,), its unit, and its header before; '' for none.
+class _Clock(NamedTuple):
+    """Header, times (R,) and unit of a clock, and the column that it is from; '' for none."""
 
-    Of several the one that tells most rows apart. A number's unit is checked by dates beside it.
+    header: str
+    times: np.ndarray
+    unit: str
+    source: str
+
+
+def _clock(table: Table, others: Sequence[str], rows: np.ndarray) -> _Clock:
+    """
+    Return the clock with most different times in some rows.
+
+    The unit of a clock that counts is found from dates in another column, if there are any.
     """
     clocks: dict[str, np.ndarray] = {}
     dates: dict[str, np.ndarray] = {}
@@ -154,22 +161,23 @@ def _clock(table: Table, others: Sequence[str], rows: np.ndarray,
         column = table.columns[header][rows]
         if looks_like_time(column):
             dates[header] = seconds(table.name, header, column, table.rows[rows])
-        elif recognise(header, table.units.get(header, '')).quantity == 'time':
+        elif table.meaning(header).quantity == 'time':
             clocks[header] = numbers(column)[0]
     best = max([*dates, *clocks], default='', key=lambda header: len(np.unique(
         (dates | clocks)[header])))
     if not best:
-        return '', np.zeros(rows.sum()), '', ''
+        return _Clock('', np.zeros(rows.sum()), '', '')
     if best in dates:
         named = best if recognise(best, 's').quantity == 'time' else 'time'
-        return named, dates[best], 's', best
+        return _Clock(named, dates[best], 's', best)
     times = clocks[best]
     span = float(np.nanmax(next(iter(dates.values())))) if dates else 0.0
     since = times - np.nanmin(times)
     if span > 0.0 and np.nanmax(since) > 0.0:
         ratios = span / np.nanmax(since) / _COUNTS
-        return 'time', since * _COUNTS[np.argmin(np.abs(np.log(ratios)))], 's', best
-    return best, times, '', best
+        since = since * _COUNTS[np.argmin(np.abs(np.log(ratios)))]
+        return _Clock('time', since, 's', best)
+    return _Clock(best, times, '', best)
 
 
 def _with_resets(name: str, rows: np.ndarray, names: Sequence[str], labels: np.ndarray,
@@ -205,7 +213,7 @@ def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,
     order = np.lexsort((labels, moments))
     begins = np.flatnonzero(np.r_[True, (np.diff(labels[order]) != 0)
                                   | (np.diff(moments[order]) != 0)])
-    # a signal that is there twice at one time has two rows
+    # two readings of one signal at one time take two rows
     turn = np.empty(len(order), int)
     turn[order] = np.arange(len(order)) - np.repeat(begins, np.diff(np.r_[begins, len(order)]))
     order = np.lexsort((turn, moments))
@@ -216,7 +224,7 @@ def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,
 
 
 def _spread(cells: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
-    """Return readings at their rows, blank in others; as text where a word is among numbers."""
+    """Return a column with readings at their rows, blank elsewhere; text if it has words."""
     values, words = numbers(cells)
     column: np.ndarray[Any, Any] = np.full(count, np.nan)
     if words.any() and not words.all():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.formats.arrays import of_arrays
-from fam_bundle_ros.data.formats.table import Table, unreadable
+from fam_bundle_ros.data.formats.table import reading_as, Table
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -29,12 +29,13 @@ def read_mat(path: Path, sheet: str | None = None) -> Table:
         For a damaged file, one without numbers, and one that holds MATLAB objects only.
     """
     from scipy.io import loadmat
-    try:
-        values = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
+    with reading_as(path, 'a .mat file', Exception):  # scipy raises many kinds on damaged files
+        try:
+            values = loadmat(path, simplify_cells=True)
+        except NotImplementedError:  # version 7.3
+            values = None
+    if values is None:
         return read_hdf(path, sheet)
-    except Exception as error:  # scipy raises many kinds on damaged files
-        raise unreadable(path, 'a .mat file', error) from error
     opaque = any(type(value).__name__ == 'MatlabOpaque' or 'FunctionWorkspace' in key
                  for key, value in values.items())
     values = {key: value for key, value in values.items() if not key.startswith('__')
@@ -45,14 +46,12 @@ def read_mat(path: Path, sheet: str | None = None) -> Table:
 def read_hdf(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a .mat file of version 7.3, or of another HDF5 file."""
     h5py = library('h5py', f'{path.name}: reading it')
-    try:
-        with h5py.File(path, 'r') as file:
-            values = {key: _of_node(file, node, 0) for key, node in file.items()
-                      if not key.startswith('#')}
-            values.update(_units_of(file))
-            opaque = '#subsystem#' in file
-    except (OSError, RuntimeError, ValueError) as error:
-        raise unreadable(path, 'HDF5', error) from error
+    with reading_as(path, 'HDF5', OSError, RuntimeError, ValueError), h5py.File(
+            path, 'r') as file:
+        values = {key: _of_node(file, node, 0) for key, node in file.items()
+                  if not key.startswith('#')}
+        values.update(_units_of(file))
+        opaque = '#subsystem#' in file
     return _chosen(path, {key: value for key, value in values.items() if value is not None},
                    sheet, opaque)
 
@@ -82,7 +81,7 @@ def _units_of(group: Any) -> dict[str, str]:
 
 
 def _of_node(file: Any, node: Any, depth: int) -> Any:
-    """Return a dataset's values, a group as a dict, None for what is no data."""
+    """Return the values of a dataset, a dict for a group, None for other nodes."""
     if depth > 4:
         return None
     if isinstance(node, Mapping) or hasattr(node, 'items'):

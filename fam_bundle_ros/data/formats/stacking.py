@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.formats.table import Table, unique
+from fam_bundle_ros.data.column_names import recognise, STRAINS
+from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.formats.titles import titles_of
-from fam_bundle_ros.data.guesses import time_unit
+from fam_bundle_ros.data.missing_units import time_unit
 from fam_bundle_ros.data.unit_names import unit_of
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS
 
 #: The name of a second column of one name.
 _AGAIN = re.compile(r'.* \(\d+\)')
@@ -76,21 +76,20 @@ def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
             list(other.columns) != list(first.columns) or other.units != first.units
             for other in others):
         return None
-    columns = {header: _joined([table.columns[header] for table in tables.values()])
-               for header in first.columns}
     lengths = [len(table.rows) for table in tables.values()]
-    columns, units = _with_levels(columns, dict(first.units), list(tables), lengths)
+    whole = _with_levels(replace(
+        first, blanks=None, rows=np.concatenate([table.rows for table in tables.values()]),
+        columns={header: _joined([table.columns[header] for table in tables.values()])
+                 for header in first.columns},
+        above=tuple(dict.fromkeys(line for table in tables.values() for line in table.above)),
+        notes=(*first.notes, f'read one below the other: {", ".join(tables)}')),
+        list(tables), lengths)
     titles = [titles_of(table) for table in tables.values()]
-    known = {recognise(header, units.get(header, '')).quantity for header in columns}
-    if 'pressure' not in known and all(len(each) == 1 for each in titles) and len(
-            {(title.kind, title.absolute) for title, in titles}) == 1:
-        columns['pressure'] = np.repeat([title.pressure for title, in titles], lengths)
-        units['pressure'] = 'Pa abs' if titles[0][0].absolute else 'Pa'
-    return replace(first, columns=columns, units=units, blanks=None,
-                   above=tuple(dict.fromkeys(line for table in tables.values()
-                                             for line in table.above)),
-                   rows=np.concatenate([table.rows for table in tables.values()]),
-                   notes=(*first.notes, f'read one below the other: {", ".join(tables)}'))
+    if 'pressure' in whole.quantities.values() or any(len(each) != 1 for each in titles) or len(
+            {(title.kind, title.absolute) for title, in titles}) > 1:
+        return whole
+    return _with_pressure(whole, np.repeat([title.pressure for title, in titles], lengths),
+                          'Pa abs' if titles[0][0].absolute else 'Pa')
 
 
 def parts_of_one(tables: Sequence[Table]) -> Table | None:
@@ -104,7 +103,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
     InputError
         Where the unit of a clock cannot be told.
     """
-    known = [{header: recognise(header, table.units.get(header, '')) for header in table.columns}
+    known = [{header: table.meaning(header) for header in table.columns}
              for table in tables]
     clocks = [[header for header, match in each.items()
                if match.quantity == 'time' and match.score > 1] for each in known]
@@ -126,7 +125,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
                 if column.dtype.kind == 'f':
                     own = known[at - 1][header].unit or time_unit(table.name, header, column)[0]
                     column, unit = column * own.factor, 's'
-            elif headers.count(header) > 1 or re.fullmatch(r'column \d+', header):
+            elif headers.count(header) > 1 or is_unnamed(header):
                 name = f'{table.name.rpartition(".")[0]} {header}'
             blank = np.full(rows - len(column), np.nan)
             columns[name] = _joined([column, blank])
@@ -138,16 +137,16 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
 
 
 def _blocks(table: Table) -> Table | None:
-    """Return columns that are there again and again, each time in the same order, as trials."""
+    """Return groups of the same columns side by side as trials, None for other tables."""
     headers = [header for header, cells in table.columns.items()
-               if not re.fullmatch(r'column \d+', header) or _filled(cells).any()]
+               if not is_unnamed(header) or _filled(cells).any()]
     width = next((at for at, header in enumerate(headers) if _AGAIN.fullmatch(header)), 0)
     first = headers[:width]
-    blocks = [headers[at:at + width] for at in range(0, len(headers), width or len(headers))]
+    blocks = [headers[at:at + width] for at in range(0, len(headers), width)] if width else []
     if len(blocks) < 2 or any(block != [f'{header} ({count})' for header in first]
                               for count, block in enumerate(blocks[1:], 2)):
         return None
-    known = {recognise(header, table.units.get(header, '')).quantity for header in first}
+    known = {table.meaning(header).quantity for header in first}
     if 'force' not in known or not known & set(STRAINS) or any(
             table.units.get(again, table.units.get(header)) != table.units.get(header)
             for block in blocks[1:] for header, again in zip(first, block)):
@@ -169,7 +168,7 @@ def _blocks(table: Table) -> Table | None:
 
 
 def _levels(table: Table) -> Table | None:
-    """Return columns of force at a level each, '1 bar', '2 bar', ..., as one column of each."""
+    """Return force columns at levels, '1 bar', '2 bar', as a force and a level column, or None."""
     levels, forces = {}, {}
     for header in table.columns:
         level = _level(header)
@@ -181,7 +180,7 @@ def _levels(table: Table) -> Table | None:
         return None
     (quantity, unit), = kinds
     rest = [header for header in table.columns if header not in levels]
-    known = {header: recognise(header, table.units.get(header, '')).quantity for header in rest}
+    known = {header: table.meaning(header).quantity for header in rest}
     beside = set(STRAINS) if quantity == 'pressure' else {'pressure'}
     if 'force' in known.values() or not beside & set(known.values()):
         return None
@@ -196,7 +195,7 @@ def _levels(table: Table) -> Table | None:
     force_unit = next((force.unit.text for force in forces.values() if force.unit), '')
     if force_unit:
         units['force'] = force_unit
-    # a level that was not measured everywhere has blank cells, and no rows there
+    # a level that was not measured in a row has a blank cell there
     kept = _filled(columns['force'])
     return replace(table, columns={header: cells[kept] for header, cells in columns.items()},
                    units=units, blanks=None, rows=np.tile(table.rows, len(levels))[kept],
@@ -204,18 +203,23 @@ def _levels(table: Table) -> Table | None:
                           'each: read one below the other'))
 
 
-def _with_levels(columns: dict[str, np.ndarray], units: dict[str, str], names: Sequence[str],
-                 lengths: Sequence[int]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return columns with the trial, and with the pressure where only the names tell it."""
-    known = {recognise(header, units.get(header, '')).quantity for header in columns}
+def _with_levels(table: Table, names: Sequence[str], lengths: Sequence[int]) -> Table:
+    """Return a table with a trial for each name, and the pressure if only the names state it."""
+    known = table.quantities.values()
     levels = [level for name in names if (level := _level(name)) and level.quantity == 'pressure']
     if 'pressure' not in known and len(levels) == len(names) and len(
             {level.unit for level in levels}) == 1:
-        columns = {**columns, 'pressure': np.repeat([level.value for level in levels], lengths)}
-        units = {**units, 'pressure': levels[0].unit}
-    if 'trial' not in known:
-        columns = {**columns, 'trial': np.repeat(np.array(names, object), lengths)}
-    return columns, units
+        table = _with_pressure(table, np.repeat([level.value for level in levels], lengths),
+                               levels[0].unit)
+    if 'trial' in known:
+        return table
+    trial = np.repeat(np.array(names, object), lengths)
+    return replace(table, columns={**table.columns, 'trial': trial})
+
+
+def _with_pressure(table: Table, pressure: np.ndarray, unit: str) -> Table:
+    return replace(table, columns={**table.columns, 'pressure': pressure},
+                   units={**table.units, 'pressure': unit})
 
 
 def _level(name: str) -> _Level | None:
@@ -241,6 +245,6 @@ def _filled(cells: np.ndarray) -> np.ndarray:
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return columns one below the other, as text where one of them is."""
+    """Return columns one below the other; text if one of them is."""
     kinds = {part.dtype.kind for part in parts}
     return np.concatenate([part if len(kinds) == 1 else part.astype(object) for part in parts])

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Clocks in two columns, whole seconds and their fraction, as of ROS messages and of loggers."""
+"""Clocks in two columns, seconds and their fraction; tables with the newest row first."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import re
 import numpy as np
 
 from fam_bundle_ros.data.cells import looks_like_time, numbers, seconds
-from fam_bundle_ros.data.formats.table import Table, unique
-from fam_bundle_ros.data.vocabulary import recognise
+from fam_bundle_ros.data.column_names import recognise
+from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.errors import InputError
 
 _SECONDS = re.compile(r'(.*?)[._/ ]?(?:tv_)?(?:sec|secs|seconds)', re.IGNORECASE)
 _FRACTIONS = (('(?:nano|n)sec(?:s|onds)?', 1e-9), ('(?:micro|u)sec(?:s|onds)?', 1e-6))
 _MILLI = re.compile(r'ms|msec|milli(?:tm|s|sec|seconds)?', re.IGNORECASE)
-#: Rows at which a clock is looked at for its direction.
+#: Number of rows at which the direction of a clock is checked.
 _SOME = 50
 
 
@@ -47,10 +47,10 @@ def with_stamps(table: Table) -> Table:
 
 
 def oldest_first(table: Table) -> Table:
-    """Return a table whose newest row is the first turned round; others as they are."""
+    """Return a table with the newest row first in reverse order; others as they are."""
     some = np.unique(np.linspace(0, len(table.rows) - 1, _SOME).astype(int))
     for header, column in table.columns.items():
-        if recognise(header, table.units.get(header, '')).quantity != 'time' or len(some) < _SOME:
+        if table.meaning(header).quantity != 'time' or len(some) < _SOME:
             continue
         try:
             clock = (seconds(table.name, header, column[some], table.rows[some])
@@ -80,7 +80,7 @@ def _stamp(table: Table, header: str, beside: str) -> np.ndarray | None:
         worth = next((worth for word, worth in _FRACTIONS if re.fullmatch(
             rf'{re.escape(match[1])}[._/ ]?(?:tv_)?{word}', beside, re.IGNORECASE)), 0.0)
     else:
-        unnamed = re.fullmatch(r'column \d+', header) and re.fullmatch(r'column \d+', beside)
+        unnamed = is_unnamed(header) and is_unnamed(beside)
         worth = 1e-9 if unnamed and 1e9 < np.nanmin(whole) and np.nanmax(whole) < 4e9 and (
             1e6 < np.nanmax(part) < 1e9) and _are_whole(whole) and _are_whole(part) else 0.0
     return whole + worth * part if worth else None

@@ -4,16 +4,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
 
+from fam_bundle_ros.data.column_names import Match, recognise, unit_text_of
 from fam_bundle_ros.errors import in_short, InputError
 
-#: Larger files are refused unread.
+#: Largest file that is read, bytes.
 MAX_BYTES = 1 << 30
 
 
@@ -59,8 +62,26 @@ class Table:
             count = len(next(iter(self.columns.values())))
             object.__setattr__(self, 'rows', np.arange(1, count + 1))
 
+    @property
+    def lines(self) -> list[str]:
+        """The lines above the data, and the comments between the rows."""
+        return [*self.above, *(text for _, text in self.remarks)]
+
+    def meaning(self, header: str) -> Match:
+        """Return which quantity a column's header names, and its unit."""
+        return recognise(header, self.units.get(header, ''))
+
+    @property
+    def quantities(self) -> dict[str, str]:
+        """The quantity that each header names, '' for none."""
+        return {header: self.meaning(header).quantity for header in self.columns}
+
+    def unit_text(self, header: str) -> str | None:
+        """Return the text of a column's unit, whether it is known or not; None for none."""
+        return self.units.get(header) or unit_text_of(header)
+
     def text_of(self, header: str, row: int) -> str:
-        """Return what stands in a cell without a number, by what its row is called; or ''."""
+        """Return the text of a cell without a number, by header and row number; '' for none."""
         column = self.columns[header]
         if column.dtype.kind == 'O':
             cell = column[int(np.argmax(self.rows == row))]
@@ -78,9 +99,25 @@ def check_size(path: Path) -> None:
                          f'{MAX_BYTES / 1e9:.1f} GB (decimate or split the log)')
 
 
-def unreadable(path: Path, kind: str, error: Exception) -> InputError:
-    """Return the error for a file that a library cannot read as what its first bytes say."""
-    return InputError(f'{path.name}: cannot be read as {kind} ({in_short(error)[:80]})')
+@contextmanager
+def reading_as(path: Path, kind: str, *errors: type[Exception]) -> Iterator[None]:
+    """
+    Raise InputError where the library for a format cannot read a file.
+
+    Parameters
+    ----------
+    path : path
+    kind : str
+        The format in words.
+    errors : exception classes, optional
+        That the library raises; by default OSError and ValueError.
+    """
+    errors = errors or (OSError, ValueError)
+    try:
+        yield
+    except errors as error:
+        raise InputError(f'{path.name}: cannot be read as {kind} ({in_short(error)[:80]})'
+                         ) from error
 
 
 def unique(headers: Sequence[Any]) -> list[str]:
@@ -99,6 +136,16 @@ def unique(headers: Sequence[Any]) -> list[str]:
         seen[text] = seen.get(text, 0) + 1
         names.append(text if seen[text] == 1 else f'{text} ({seen[text]})')
     return names
+
+
+def is_unnamed(header: str) -> bool:
+    """Return whether a header is a number that `unique` made up."""
+    return re.fullmatch(r'column \d+', header) is not None
+
+
+def without_count(header: str) -> str:
+    """Return a header without the count that `unique` adds to the second of a name."""
+    return re.sub(r' \(\d+\)$', '', header)
 
 
 def plain_columns(frame: Any) -> dict[str, np.ndarray]:

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pressures that stand in titles above and between blocks of rows: 'Test 2: p = 3 bar'."""
+"""Pressures in titles above and between blocks of rows: 'Test 2: p = 3 bar'."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.cells import blank, is_text, numbers
+from fam_bundle_ros.data.column_names import absolute_of, recognise, words_of
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of
-from fam_bundle_ros.data.vocabulary import absolute_of, recognise, words_of
 
 _NUMBER = re.compile(r'(?<![\w.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?(?:abs|rel)\b\.?)?)(?!\w)')
 #: Words before a pressure that make it that of the rows below.
@@ -42,7 +42,7 @@ def titled(table: Table) -> Table:
 
     Each block of rows needs one, the first too.
     """
-    known = {recognise(header, table.units.get(header, '')).quantity for header in table.columns}
+    known = set(table.quantities.values())
     if 'pressure' in known or 'force' not in known:
         return table
     titles = titles_of(table)
@@ -57,7 +57,7 @@ def titled(table: Table) -> Table:
         return table  # a block in between has a head or a title without a pressure
     pressure = np.repeat([title.pressure for title in titles], lengths)
     rows = np.isin(table.rows, [title.row for title in titles]) & ~readings
-    # what was read as a title is no reading, and no other header
+    # titles are removed from the columns: they are neither readings nor headers
     columns = {header: _without(column, rows) for header, column in table.columns.items()}
     columns['pressure'] = np.where(readings, pressure, np.nan)
     if 'trial' not in known:
@@ -79,7 +79,7 @@ def titles_of(table: Table) -> list[Title]:
             cells = [str(column[at]).strip() for column in texts if not blank(column[at])]
             lines.append((int(table.rows[at]), ' '.join(cells)))
     found = [title for row, line in sorted(lines) if (title := _title(row, line))]
-    # the kind that is there most often: others are settings
+    # titles are the most frequent kind; other lines with a pressure are settings
     kinds = Counter(title.kind for title in found).most_common(1)
     return [title for title in found if title.kind == kinds[0][0]]
 
@@ -116,7 +116,7 @@ def _without(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _blank_rows(table: Table, rows: np.ndarray) -> list[int]:
-    """Return those of some rows in which nothing stands."""
+    """Return which of the given rows are blank."""
     return [at for at in rows.tolist() if all(
         blank(column[at]) for column in table.columns.values() if is_text(column))]
 

@@ -12,10 +12,11 @@ import zipfile
 
 import numpy as np
 
+from fam_bundle_ros.data.cell_text import in_groups, is_blank, is_number, number
+from fam_bundle_ros.data.column_names import STRAINS
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other
-from fam_bundle_ros.data.formats.table import MAX_BYTES, Table, unique, unreadable
-from fam_bundle_ros.data.vocabulary import recognise, STRAINS
+from fam_bundle_ros.data.formats.table import MAX_BYTES, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -54,11 +55,9 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     """
     pandas = library('pandas', f'{path.name}: reading it')
     library('openpyxl', f'{path.name}: reading it')
-    try:
+    with reading_as(path, 'a workbook', Exception):  # openpyxl's own, of zip, of xml, ...
         sheets = pandas.read_excel(path, sheet_name=None, header=None, dtype=object,
                                    engine='openpyxl', na_filter=False)
-    except Exception as error:  # openpyxl raises its own and zip's, xml's, ...
-        raise unreadable(path, 'a workbook', error) from error
     if sheet is not None and sheet not in sheets:
         raise InputError(f"{path.name}: no sheet '{sheet}'; expected one of {', '.join(sheets)}")
     names = list(sheets) if sheet is None else [sheet]
@@ -82,11 +81,11 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
 
 
 def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
-    """Return a sheet's table, or None, and how many quantities it has."""
+    """Return the table of a sheet, or None, and the number of known quantities in it."""
     values = frame.to_numpy(object)
     decimal = ',' if any(map(_has_decimal_comma, values[:_SNIFFED].T)) else '.'
     head = [[_text(cell, decimal) for cell in row] for row in values[:_SNIFFED]]
-    # columns that are blank from top to bottom are margins
+    # blank columns are left out
     used = [j for j in range(values.shape[1]) if any(_text(cell).strip() for cell in values[:, j])]
     head = [[row[j] for j in used] for row in head]
     filled = [i for i, row in enumerate(head) if any(cell.strip() for cell in row)]
@@ -101,26 +100,25 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     columns = {name: _column(values[begin:, j], decimal) for name, j in zip(names, used)}
     words = {(name, begin + 1 + i): text for name, j in zip(names, used)
              if columns[name].dtype.kind == 'f' for i, cell in enumerate(values[begin:, j])
-             if isinstance(cell, str) and layout.is_blank(text := cell.strip()) and text}
+             if isinstance(cell, str) and is_blank(text := cell.strip()) and text}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
-    meant = {recognise(name, units.get(name, '')).quantity for name in names}
-    known = len(meant & {'time', 'force', 'pressure'}) + bool(meant & set(STRAINS))
-    return Table(file, f'sheet {sheet}', columns, units,
-                 np.flatnonzero(kept) + begin + 1, above=tuple(map(';'.join, head[:begin])),
-                 blanks=partial(_word, words)), known
+    table = Table(file, f'sheet {sheet}', columns, units, np.flatnonzero(kept) + begin + 1,
+                  above=tuple(map(';'.join, head[:begin])), blanks=partial(_word, words))
+    meant = set(table.quantities.values())
+    return table, len(meant & {'time', 'force', 'pressure'}) + bool(meant & set(STRAINS))
 
 
 def _has_decimal_comma(column: np.ndarray) -> bool:
     """Return whether cells are text with decimal commas: '1,5', not '1,013.5' nor '1,013'."""
     cells = [cell for cell in column if isinstance(cell, str)]
-    found = [cell for cell in cells if ',' in cell and layout.is_number(cell, ',')]
-    return bool(found) and not layout.in_groups(cells, ',') and not any(
-        layout.is_number(cell) and '.' in cell for cell in cells)
+    found = [cell for cell in cells if ',' in cell and is_number(cell, ',')]
+    return bool(found) and not in_groups(cells, ',') and not any(
+        is_number(cell) and '.' in cell for cell in cells)
 
 
 def _word(words: dict[tuple[str, int], str], header: str, row: int) -> str:
-    """Return the blank word of a cell: a function of the module, so that a table can be sent."""
+    """Return the word for no reading in a cell (a function, as tables are pickled)."""
     return words.get((header, row), '')
 
 
@@ -136,9 +134,8 @@ def _column(cells: np.ndarray, decimal: str) -> np.ndarray:
     for i, cell in enumerate(cells):
         if isinstance(cell, (int, float)) and not isinstance(cell, bool):
             values[i] = cell
-        elif not layout.is_blank(text := _text(cell)):
-            if not layout.is_number(text, decimal):
+        elif not is_blank(text := _text(cell)):
+            if not is_number(text, decimal):
                 return np.array([_text(cell) for cell in cells], object)
-            groups = '.' if decimal == ',' else ','
-            values[i] = float(text.replace(groups, '').replace(',', '.'))
+            values[i] = number(text, decimal)
     return values

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Does each trial have an offset of its own? A load cell that was not tared in between."""
+"""Offsets of the force from trial to trial, as of a load cell that was not tared in between."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import pressure_levels
 from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
-
-#: Chance of an alarm where trials differ by nothing but noise.
-_ALARM = 1e-3
+from fam_bundle_ros.data.rates import FALSE_ALARM
 
 
 class Offsets(NamedTuple):
@@ -67,9 +65,9 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     if free < 2:
         return None
     between = float(y @ y - left @ left) / rank
-    # a sum over correlated samples varies as if each were tau times as large
+    # a sum over correlated samples has tau times the variance
     noise = float(left[shared] @ left[shared]) / free
-    if between < noise * stats.f.ppf(1.0 - _ALARM, rank, free):
+    if between < noise * stats.f.ppf(1.0 - FALSE_ALARM, rank, free):
         return None
     size = float(np.sqrt(offset @ offset / rank))
     if size < RESOLUTION * np.abs(measurement.force).max():
@@ -83,13 +81,13 @@ def _cells_of_a_map(measurement: Measurement) -> np.ndarray:
     levels = [pressure_levels(column)[0] for column in measurement.pressure.T]
     same = np.all([np.diff(level) == 0 for level in levels], axis=0)
     step = np.where(same, np.sign(np.diff(strain)), 0.0)
-    # up one time and down another is friction, not an offset: the two are no common cell
+    # up and down differ by friction, which is not an offset: they are different cells
     way = np.where(np.append(step, 0.0) != 0.0, np.append(step, 0.0), np.append(0.0, step))
     return np.unique(np.stack([strain, *levels, way], -1), axis=0, return_inverse=True)[1].ravel()
 
 
 def _repeats(cell: np.ndarray) -> np.ndarray | None:
-    """Return how often each row's cell was met before, where such repeats are whole blocks."""
+    """Return the number of earlier rows in the same cell, if repeats are whole blocks."""
     order = np.argsort(cell, kind='stable')
     first = np.flatnonzero(np.diff(cell[order], prepend=-1))
     count = np.empty(len(cell), int)

@@ -10,6 +10,7 @@ supply rule a column out.
 
 from __future__ import annotations
 
+from functools import lru_cache
 import re
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from fam_bundle_ros.data.unit_names import half_width, is_unit, Unit, unit_of
 #: Quantity: SI unit. A 'shift' is a displacement whose sign its name does not tell.
 QUANTITIES = {'time': 's', 'trial': '', 'strain': '1', 'contraction': 'm', 'elongation': 'm',
               'shift': 'm', 'length': 'm', 'pressure': 'Pa', 'force': 'N', 'strain_rate': '1/s'}
-#: Quantities of which one tells the strain, the plainest first.
+#: Quantities that each determine the strain, in order of preference.
 STRAINS = ('strain', 'contraction', 'elongation', 'shift', 'length')
 
 #: Quantity: its names, the words of each in any order.
@@ -58,13 +59,13 @@ _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemesse
     der des the of in out am im total id nr no number nummer name avg average mean mittelwert
     filtered filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared
     tariert zeroed compensated kompensiert signals values data line""".split())
-#: Of these a column of its own is better, where there is one.
+#: A column with one of these words is used only if there is none without.
 _LESSER = frozenset("""raw roh filtered filt gefiltert smoothed smooth avg average mean
     mittelwert line""".split())
-#: Of these a column is as good as one without.
+#: A column with one of these words is as good as one without.
 _BETTER = frozenset("""corrected korrigiert calibrated kalibriert tared tariert zeroed
     compensated kompensiert""".split())
-#: Words of columns that are no reading of the muscle.
+#: A column with one of these words is not a reading of the muscle.
 _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref reference cmd command
     demand supply versorgung versorgungs tank source speise speicher ambient umgebung umgebungs
     luft vor atm atmospheric atmosphere barometric model predicted prediction simulated sim
@@ -75,7 +76,7 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
     vakuum unterdruck preload vorlast theoretical theo theoretisch estimated estimate""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
-#: What a pressure counts from, in brackets of its own: 'Druck in bar (\u00dcberdruck)'.
+#: Gauge or absolute, in brackets behind the unit: 'Druck in bar (\u00dcberdruck)'.
 _GAUGE_WORD = re.compile(
     r'(?<=\w)\s*\((\u00fcberdruck|ueberdruck|gauge|relativ\w*|absol\w*)\)\s*$', re.IGNORECASE)
 #: What ControlDesk puts around a name: 'Model Root/Force/Out1'.
@@ -125,6 +126,7 @@ def words_of(name: str) -> list[str]:
     return re.findall(r'mu\d+|[^\W\d_]+|\d+', text)
 
 
+@lru_cache(maxsize=4096)
 def recognise(header: str, unit_text: str = '') -> Match:
     """
     Return which quantity a header names, and its unit.
@@ -176,7 +178,7 @@ def _of_topic(path: str, unit_text: str) -> Match:
     return next((found for found in (last, two) if found.quantity and found.score), Match(''))
 
 
-#: Units that columns of other things carry too: masses, a share, an acceleration.
+#: Units that do not determine the quantity: masses, ratios, accelerations.
 _VAGUE = frozenset(('g', 'kg', 'lb', 'lbs', 'at', 'd', 'h', 'nm', 'um', '-', '', '1', '%'))
 
 
@@ -188,7 +190,7 @@ _BARE = re.compile(r'(psi|m?bar|[kmh]?pa|lbf|kgf|newtons?|mm)[ _]?([ag]|abs)?', 
 
 def dimension_of(header: str, unit_text: str = '') -> Unit | None:
     """
-    Return the unit of a header whose name says nothing, where it leaves no doubt of the quantity.
+    Return the unit of a header with an unknown name, if the unit determines the quantity.
 
     Examples
     --------
@@ -233,13 +235,13 @@ def rest_length_of(line: str) -> float | None:
 
 
 def names_rest_length(line: str) -> bool:
-    """Return whether a line tells a rest length, be it without a unit."""
+    """Return whether a line states a rest length, with or without a unit."""
     return _REST.search(line) is not None
 
 
 def unit_text_of(header: str) -> str | None:
     """
-    Return what a header carries in place of a unit, be it one that is known or not; None for none.
+    Return the text in place of a header's unit, whether it is a known unit or not; None for none.
 
     Examples
     --------
@@ -253,7 +255,7 @@ def unit_text_of(header: str) -> str | None:
 
 
 def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
-    """Return the ways to take a header apart into name and unit (None: it has none)."""
+    """Return the possible pairs of name and unit of a header; the unit is None for no unit."""
     header = re.sub('(?<!_)_$', '', half_width(header).rstrip())  # 'Force_N_' of writetable
     brackets = list(_BRACKET.finditer(header))
     if unit_text:
@@ -276,31 +278,36 @@ def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
 
 
 def _with_unit(found: Match, text: str | None) -> Match:
-    # a bare name is worth less than one whose end is a unit that fits
+    # a name with a fitting unit scores higher than a name alone
     if text is None or found.quantity == 'trial':
         return found
-    for like in likes(found.quantity):
-        unit = unit_of(text, like)
-        if unit is not None:
-            # a strain in mm is a contraction
-            quantity = 'contraction' if (found.quantity, like) == ('strain', 'm'
-                                                                   ) else found.quantity
-            if unit.absolute is None:
-                unit = unit._replace(absolute=found.absolute)
-            return found._replace(quantity=quantity, unit=unit, score=found.score + 1)
+    unit = unit_for(found.quantity, text)
+    if unit is not None:
+        # a strain in mm is a contraction
+        is_length = (found.quantity, unit.like) == ('strain', 'm')
+        if unit.absolute is None:
+            unit = unit._replace(absolute=found.absolute)
+        return found._replace(quantity='contraction' if is_length else found.quantity, unit=unit,
+                              score=found.score + 1)
     return found._replace(score=0, why=f"unit '{text}' does not fit; expected a unit like "
                           f'{QUANTITIES[found.quantity]}')
 
 
 def likes(quantity: str) -> tuple[str, ...]:
-    """Return the SI units that a quantity may come in: a length may be a ratio to that at rest."""
+    """Return the SI units that a quantity may have; a length may be a ratio to the rest length."""
     if quantity in STRAINS:
         return ('1', 'm') if quantity == 'strain' else ('m', '1')
     return (QUANTITIES[quantity],)
 
 
+def unit_for(quantity: str, text: str) -> Unit | None:
+    """Return the unit that a text means for a quantity; None where none fits."""
+    units = (unit_of(text, like) for like in likes(quantity))
+    return next((unit for unit in units if unit is not None), None)
+
+
 def _named(name: str) -> Match:
-    # 'des' is desired at the end, and of the else: 'Druck des Muskels'
+    # 'des' means desired at the end, and is a German article elsewhere: 'Druck des Muskels'
     words = words_of(re.sub(r'(?<=[\W_])des(?=[\W\d_]*$)', 'desired', name))
     if not words:
         return Match('', why='no name')
@@ -350,7 +357,7 @@ def absolute_of(name: str) -> bool | None:
 
 
 def _last_of(word: str) -> str:
-    """Return what a German compound is about: `muskeldruck` is a druck."""
+    """Return the last part of a German compound: `druck` of `muskeldruck`."""
     match = _GERMAN.match(word)
     return match['last'] if match and match['first'] else word
 

@@ -27,7 +27,7 @@ def noisy(log):
     ('force', slice(235, 238), 'force jumps to 0 N and back in 3 rows (first row 236)'),
     ('pressure', [30, 31, 100, 200], 'pressure jumps to 0 kPa and back in 4 rows (first row 31)')])
 def test_a_sensor_that_reads_zero_for_a_while_is_said(noisy, label, rows, words):
-    """It jumps there and back, while nothing else does."""
+    """The reading jumps to zero and back, while the other channels do not jump."""
     channels, said = noisy
     lost = channels[label].copy()
     lost[rows] = 0.0
@@ -35,7 +35,7 @@ def test_a_sensor_that_reads_zero_for_a_while_is_said(noisy, label, rows, words)
 
 
 def test_a_muscle_that_is_vented_loses_no_reading(noisy, muscle):
-    """The force falls with the pressure."""
+    """The force falls with the pressure, so no reading is reported as lost."""
     channels, said = noisy
     pressure = channels['pressure'].copy()
     pressure[20:30] = 0.0
@@ -48,10 +48,26 @@ def test_a_muscle_that_is_vented_loses_no_reading(noisy, muscle):
     (lambda force, rows: 20.0 * np.round(force / 20.0), False),     # a coarse converter
     (lambda force, rows: force, False)])
 def test_a_force_that_stands_still_while_the_muscle_moves_is_said(noisy, force, stuck):
-    """Unless its converter is so coarse that it does so all the time."""
+    """Not reported if the converter is so coarse that equal readings are usual."""
     channels, said = noisy
     rows = (np.arange(240) >= 100) & (np.arange(240) < 125)
     assert ('is constant' in said(force=force(channels['force'], rows))) == stuck
+
+
+def test_a_vented_muscle_may_read_one_force(noisy):
+    """It is slack: its force is zero at every strain, as often as the cell's offset stays."""
+    channels, said = noisy
+    vented = (np.arange(240) >= 100) & (np.arange(240) < 125)
+    assert 'is constant' not in said(pressure=np.where(vented, 0.0, channels['pressure']),
+                                     force=np.where(vented, 0.0, channels['force']))
+
+
+def test_the_largest_steps_of_a_short_log_are_no_lost_readings(muscle):
+    """Twelve rows in which the muscle is vented once: pressure and force fall together."""
+    strain, pressure = np.linspace(0.1, 0.12, 12), np.full(12, 200e3)
+    pressure[5:7] = 0.0
+    notes = build('log', strain, pressure, muscle(strain, pressure), time=np.arange(12.0)).notes
+    assert not any('lost' in note for note in notes)
 
 
 def test_a_force_of_a_muscle_that_is_held_may_stand_still(noisy):

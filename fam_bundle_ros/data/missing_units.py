@@ -1,9 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Units of columns that carry none, where only one would make sense.
+Units of columns without one, where only one unit gives sensible readings.
 
-Where two would, the message names both and what to write; what was guessed is always said.
+Where several do, the error names them and what to write. A guessed unit is always reported.
 """
 
 from __future__ import annotations
@@ -13,21 +13,20 @@ import numpy as np
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
 
-#: Quantity: units that people leave out, and between what the largest reading then is (SI).
+#: Quantity: SI unit, units that are often left out, and the range of the largest reading (SI).
 _USUAL = {
-    'pressure': (('kPa', 'bar', 'MPa', 'psi', 'Pa', 'mbar'), 50e3, 1.2e6),
-    'force': (('N',), 0.0, 20e3),
-    'strain': (('1', '%'), 0.0, 0.6),
-    'strain_rate': (('1/s',), 0.0, np.inf),
+    'pressure': ('Pa', ('kPa', 'bar', 'MPa', 'psi', 'Pa', 'mbar'), 50e3, 1.2e6),
+    'force': ('N', ('N',), 0.0, 20e3),
+    'strain': ('1', ('1', '%'), 0.0, 0.6),
+    'strain_rate': ('1/s', ('1/s',), 0.0, np.inf),
 }
-#: The same for lengths, as shares of the rest length: no braid shortens by more than 0.42.
+#: The range of lengths, as shares of the rest length: no braid shortens by more than 0.42.
 _LENGTHS = {'length': (0.6, 1.15), 'contraction': (0.03, 0.45), 'elongation': (0.03, 0.45),
             'shift': (0.03, 0.45)}
-#: A clock without a unit whose steps are as large may count milliseconds.
+#: A clock without a unit and with steps of at least this may count milliseconds.
 _SLOWEST = 2.0
-#: Steps of a clock in s are longer; at less than the other it may count minutes.
+#: Steps of a clock in s are longer than the first; below the second it may count minutes.
 _FASTEST, _QUICK = 2e-6, 2e-3
-_LIKE = {'pressure': 'Pa', 'force': 'N', 'strain': '1', 'strain_rate': '1/s'}
 
 
 def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
@@ -50,28 +49,9 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
     InputError
         Where several units would do, or none.
     """
-    # not the largest: a single slip must not choose the unit of all
+    # a percentile, as a single outlier must not decide
     top = float(np.nanpercentile(np.abs(values), 99)) if np.isfinite(values).any() else 0.0
-    if quantity in _USUAL:
-        names, low, high = _USUAL[quantity]
-        units = [unit for unit in (unit_of(text, _LIKE[quantity]) for text in names) if unit]
-        if quantity == 'strain' and top <= 1.0:
-            units = units[:1]  # no muscle shortens by less than 1 % from end to end
-        fitting = [unit for unit in units if low <= top * unit.factor <= high]
-    else:
-        low, high = _LENGTHS[quantity]
-        fitting = []
-        if rest_length is not None:
-            units = [unit for unit in (unit_of(text, 'm') for text in ('mm', 'cm', 'm', 'in'))
-                     if unit]
-            fitting = [unit for unit in units
-                       if low <= top * unit.factor / rest_length <= high]
-        if quantity == 'length' and low <= top <= high:
-            fitting += [unit for unit in (unit_of('1', '1'),) if unit]
-        if quantity in ('contraction', 'elongation', 'shift'):
-            ratio, percent = unit_of('1', '1'), unit_of('%', '1')
-            fitting += [unit for unit in (ratio, percent)
-                        if unit and low <= top * unit.factor <= high]
+    fitting = _fitting(quantity, top, rest_length)
     if len(fitting) == 1:
         said = '' if fitting[0].text == '1' else f'{fitting[0].text} guessed, no unit given'
         return fitting[0], said
@@ -83,6 +63,21 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
     raise InputError(f"{name}: column '{header}' has no unit{reason}; expected it told, for "
                      f'example --columns "{quantity.replace("shift", "contraction")}={header} '
                      f'[{example}]"')
+
+
+def _fitting(quantity: str, top: float, rest_length: float | None) -> list[Unit]:
+    """Return the units in which the largest reading is within the range of its quantity."""
+    if quantity in _USUAL:
+        like, texts, low, high = _USUAL[quantity]
+        if quantity == 'strain' and top <= 1.0:
+            texts = texts[:1]  # a range below 1 % is not of a muscle
+        tries = [(text, like, 1.0) for text in texts]
+    else:
+        low, high = _LENGTHS[quantity]
+        tries = [(text, 'm', rest_length) for text in ('mm', 'cm', 'm', 'in') if rest_length]
+        tries += [(text, '1', 1.0) for text in (('1',) if quantity == 'length' else ('1', '%'))]
+    units = [(unit_of(text, like), whole) for text, like, whole in tries]
+    return [unit for unit, whole in units if unit and low <= top * unit.factor / whole <= high]
 
 
 def time_unit(name: str, header: str, values: np.ndarray) -> tuple[Unit, str]:

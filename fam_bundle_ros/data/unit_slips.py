@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Slips of unit or sign that pass every range: found by how much better the model then fits."""
+"""Wrong units or signs within all ranges, found by a far better fit of the model without."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +22,7 @@ _PRESSURES = (
     (100.0, 'with pressures in bar, not in kPa'), (0.01, 'with pressures in kPa, not in bar'))
 #: Pa: where the lowest pressure is above this the gauge may show absolute pressure.
 _NEVER_VENTED = 85e3
-#: A slip is mentioned where the error falls to this share by it, and of the force.
+#: A slip is reported if the error falls to less than these shares of itself, and of the force.
 _BETTER, _GOOD = 0.4, 0.25
 
 
@@ -48,7 +48,7 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
         tries.append((rms(data.force - predict(vented)), rms(data.force),
                       'with pressures that are absolute, not gauge'))
     now = rms(residual)
-    if now > _GOOD * rms(data.force):  # a pressure several times as large is no small error
+    if now > _GOOD * rms(data.force):  # a wrong unit of pressure makes a large error
         for factor, words in _PRESSURES:
             meant = predict(replace(data, pressure=factor * data.pressure))
             tries.append((rms(data.force - meant), rms(data.force), words))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data.slips import slips
+from fam_bundle_ros.data.unit_slips import slips
 from fam_bundle_ros.units import si_factor
 
 

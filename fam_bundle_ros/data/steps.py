@@ -19,11 +19,11 @@ from fam_bundle_ros.errors import InputError
 
 #: Gauge pressures of all motor units, Pa.
 Pressures = tuple[float, ...]
-#: Strains beyond these are mistakes.
+#: Lowest and highest strain that a step may ask for.
 LEAST_STRAIN, MOST_STRAIN = -0.15, 0.5
-#: 1/s: of the strain steps of `Hold` where no rate is given.
+#: 1/s: default rate of the strain steps of `Hold`.
 _STEP_RATE = 0.5
-#: Pa and s: pressures that differ by less are alike; a leg that takes less has no length.
+#: Pa: pressures that differ by less are equal. s: shorter legs are left out.
 _ALIKE, _SHORT = 1.0, 1e-9
 
 
@@ -47,7 +47,7 @@ class Leg:
 
     @property
     def words(self) -> str:
-        """Say pressures, and the strain where it is imposed."""
+        """The pressures, and the strain if it is imposed, in words."""
         strain = '' if self.strain is None else f' at strain {self.strain:.3g}'
         return f'{pressure_words(self.pressure)}{strain}'
 
@@ -273,7 +273,7 @@ class PressureSweep(Step):
 
 @dataclass(frozen=True)
 class Pause(Step):
-    """Wait, vented: what comes after is measured so much later. Random order keeps it in place."""
+    """A wait with the muscle vented; a random order exchanges no segments across it."""
 
     time: float
     kind = 'pause'
@@ -282,7 +282,7 @@ class Pause(Step):
         _positive(self.kind, time=self.time)
 
     def courses(self) -> tuple[Course, ...]:
-        """Return nothing: nothing is recorded."""
+        """Return no course: nothing is recorded."""
         return ()
 
 

@@ -77,7 +77,7 @@ def test_a_calibration_per_volt_fits_a_column_in_millivolts(log, volts):
     ({'elongation': 'longer [mm] + 2 cm'}, 1.0),
     ({'length': 'calliper [mm] + 30 mm'}, 1.0)])
 def test_a_position_may_count_from_anywhere(log, told, shift):
-    """Its zero is taken off or added, also where its sign is turned."""
+    """Its offset is subtracted or added, also with a reversed sign."""
     position = 250.0 * log[1]
     columns = {'time [s]': log[0], 'pressure [kPa]': log[2] / 1e3, 'force [N]': log[3],
                'position [mm]': position + 12.0, 'back [mm]': 88.0 - position,
@@ -86,7 +86,7 @@ def test_a_position_may_count_from_anywhere(log, told, shift):
 
 
 def test_a_zero_in_another_unit_than_its_column_is_refused(log):
-    """Millimetres are not taken off a strain in percent."""
+    """An offset in mm on a strain in percent is refused."""
     columns = {**written(log, 'force [N]'), 'epsilon [%]': 100 * log[1]}
     with pytest.raises(InputError, match="'epsilon .%.' is in %, and mm is added; expected units"):
         read_measurement(columns, columns={'strain': 'epsilon [%] - 3 mm'}, rest_length=0.25)
@@ -95,7 +95,7 @@ def test_a_zero_in_another_unit_than_its_column_is_refused(log):
 
 
 def test_a_calibration_goes_into_a_recipe_and_comes_back(log, volts, tmp_path):
-    """What was told is saved as it was told."""
+    """The recipe saves the user's words."""
     told = Recipe(CALIBRATION, rest_length=0.25)
     data = read_measurement(volts, recipe=told)
     save_recipe(recipe_of(data, told), tmp_path / 'lab.yaml')

@@ -12,10 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-#: Probability per log that a stretch of constant force is reported by chance.
-_CHANCE = 1e-6
-#: Quantile up to which the steps of a channel count as usual.
-_USUAL = 0.9
+from fam_bundle_ros.data.rates import BY_CHANCE, FALSE_ALARM, REST_PRESSURE
 
 
 def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np.ndarray,
@@ -48,9 +45,13 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
         held = values == code
         return within & (held[1:] != held[:-1])
 
-    def unusual(channel: np.ndarray, jump: np.ndarray) -> bool:
-        moved = np.abs(np.diff(channel))
-        return bool(np.median(moved[jump]) > np.quantile(moved[within & ~jump], _USUAL))
+    def moves_too(channel: np.ndarray, jump: np.ndarray) -> bool:
+        """Return whether a channel's steps at the jumps are larger than those of chosen rows."""
+        moved, drawn = np.abs(np.diff(channel)), np.arange(jump.sum())
+        larger = (moved[within] >= moved[jump].min()).sum()
+        chance = np.prod((larger - drawn) / (within.sum() - drawn))
+        # in a short log only the largest steps of all can tell
+        return bool(chance <= BY_CHANCE or larger == len(drawn))
 
     # either end of the largest step, that with the larger jumps first
     for code in sorted((values[largest], values[largest + 1]),
@@ -61,27 +62,32 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
         passes = beside.min(initial=np.inf) < code < beside.max(initial=-np.inf)
         if (not passes and 1 < held.sum() < 0.5 * len(held) and jump.sum() > 1 and rest.any()
                 and step[jump].min() > step[rest].max()
-                and not any(unusual(each, jump) for each in others.values())):
+                and not any(moves_too(each, jump) for each in others.values())):
             return held
     return np.zeros(len(values), bool)
 
 
-def constant_force(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> slice | None:
+def constant_force(force: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
+                   within: np.ndarray) -> slice | None:
     """
     Return the rows in which the force is constant while the muscle moves, or None.
 
     The muscle moves in the faster half of the steps. The share of these steps with equal forces
     elsewhere in the log gives the probability of such a stretch: with a coarse converter it is
-    high. A whole trial at one force is not reported: that is a weight.
+    high. A whole trial at one force is not reported, which is a weight, nor is a vented muscle,
+    which is slack.
 
     Parameters
     ----------
     force, strain : ndarray, shape (T,)
+    pressure : ndarray, shape (T,), Pa
+        Of all motor units together.
     within : ndarray of bool, shape (T - 1,)
         Steps between rows of one trial.
     """
     moved = np.where(within, np.abs(np.diff(strain)), 0.0)
     fast = within & (moved > np.median(moved[within])) if within.any() else within
+    fast = fast & (pressure[1:] > REST_PRESSURE * pressure.max())
     same = within & (np.diff(force) == 0)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
     begin, end = edge[::2], edge[1::2]
@@ -96,7 +102,7 @@ def constant_force(force: np.ndarray, strain: np.ndarray, within: np.ndarray) ->
     elsewhere = fast & (force[1:] != force[begin[longest]])
     # Laplace's rule of succession
     share = ((elsewhere & same).sum() + 1) / (elsewhere.sum() + 2)
-    if max(fast.sum(), 1) * share ** int(lengths[longest]) >= _CHANCE:
+    if max(fast.sum(), 1) * share ** int(lengths[longest]) >= FALSE_ALARM:
         return None
     return slice(int(begin[longest]), int(end[longest]) + 1)
 
@@ -125,7 +131,7 @@ def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force:
             notes.append(f'{label} jumps to {_shown(label, values[at])} and back in '
                          f'{int(held.sum())} rows (first row {rows[at]}) while the other '
                          'channels continue: lost readings? They are used')
-    still = constant_force(force, strain, within)
+    still = constant_force(force, strain, np.sum([*pressure.values()], axis=0), within)
     if still is not None:
         notes.append(f'the force is constant at {force[still.start]:.4g} N from row '
                      f'{rows[still.start]} to {rows[still.stop - 1]} while the muscle moves: is '

@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a user's words for a quantity mean: a column, a column with its calibration, a constant.
+What a user tells for a quantity: a column, a column with its calibration, or a constant.
 
 ``L [mm]``, ``-Kanal 3 [N]``, ``AI1 [V] * 50 N - 2 N``, ``position [mm] - 12 mm``, ``F1 + F2``,
 ``300 kPa``.
@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import re
 
 from fam_bundle_ros.data.cells import is_text
+from fam_bundle_ros.data.column_names import likes, QUANTITIES, unit_for
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.unit_names import Unit, unit_of, VOLTS
-from fam_bundle_ros.data.vocabulary import likes, QUANTITIES, recognise, unit_text_of
+from fam_bundle_ros.data.unit_names import Unit, VOLTS
 from fam_bundle_ros.errors import InputError
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
 _CONSTANT = re.compile(rf'({_NUMBER})\s*([^\s\[].*)?')
-#: A column, what one of its counts is worth, and what is added.
+#: A column, its scale (the value of one count), and an offset.
 _CALIBRATED = re.compile(rf'(?P<words>.*?\S)(?:\s*\*\s*(?P<scale>{_NUMBER})(?:\s*(?P<unit>'
                          rf'[^\s\d+*-]\S*))?)?(?:\s+(?P<sign>[-+])\s*(?P<zero>{_NUMBER})'
                          rf'(?:\s*(?P<zero_unit>[^\s\d+*-]\S*))?)?')
@@ -76,7 +76,7 @@ def with_sums(table: Table, told: Mapping[str, str]) -> Table:
         one, other = (_header(table, parts[at])[0] for at in (1, 3))
         if not one or not other or is_text(columns[one]) or is_text(columns[other]):
             continue
-        unit, second = (table.units.get(header) or unit_text_of(header)
+        unit, second = (table.unit_text(header)
                         for header in (one, other))
         if unit != second:
             raise InputError(f"{table.name}: '{one}' is in {unit}, '{other}' in {second}; "
@@ -141,7 +141,7 @@ def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Cho
         header, unit_text = _header(table, words)
         if not header:
             continue
-        match = recognise(header, table.units.get(header, ''))
+        match = table.meaning(header)
         if unit is None:
             unit = match.unit
             if unit_text is None and (unit is None or unit.like not in likes(base)):
@@ -158,9 +158,9 @@ def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Cho
 
 
 def _worth(table: Table, base: str, told: re.Match[str]) -> Unit:
-    """Return what one count of a column is worth: '* 50 N', or '* 50 N/V' of one in V or mV."""
+    """Return the unit of one count of a column: '* 50 N', or '* 50 N/V' of one in V or mV."""
     text, header = told['unit'] or '', _header(table, told['words'].removeprefix('-').strip())[0]
-    own = table.units.get(header) or unit_text_of(header) or ''
+    own = table.unit_text(header) or ''
     unit_text, _, per = text.rpartition('/')
     share = 1.0
     if per == own or {per, own} <= set(VOLTS):  # 'N/mm' is no force per anything
@@ -170,7 +170,7 @@ def _worth(table: Table, base: str, told: re.Match[str]) -> Unit:
 
 
 def _shifted(table: Table, base: str, choice: Choice, told: re.Match[str]) -> Choice:
-    """Return a choice with the zero of its calibration, and the calibration in words."""
+    """Return a choice with the offset of its calibration, and the calibration in words."""
     if told['zero']:
         zero = _fitting(table, base, told['zero_unit'] or '', told['words'])
         if choice.unit is not None and choice.unit.like != zero.like:
@@ -184,16 +184,15 @@ def _shifted(table: Table, base: str, choice: Choice, told: re.Match[str]) -> Ch
 
 
 def _fitting(table: Table, base: str, text: str, header: str) -> Unit:
-    for like in likes(base):
-        unit = unit_of(text, like)
-        if unit is not None:
-            return unit
+    unit = unit_for(base, text)
+    if unit is not None:
+        return unit
     raise InputError(f"{table.name}: column '{header}': unit '{text}' does not fit; expected a "
                      f'unit like {QUANTITIES[base]}')
 
 
 def _header(table: Table, words: str) -> tuple[str, str | None]:
-    """Return the header that words mean and the unit that they tell; '' for none."""
+    """Return the header that a text names, '' for none, and the unit in the text, if any."""
     headers = list(table.columns)
     if not words:
         return '', None

@@ -1,0 +1,143 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The message for a quantity that no column was taken for: what was found, and what to tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fam_bundle_ros.data.cells import is_text, numbers
+from fam_bundle_ros.data.column_names import STRAINS, unit_for
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
+from fam_bundle_ros.data.measurement import Taken
+from fam_bundle_ros.data.told_columns import name_of
+from fam_bundle_ros.data.unit_names import ELECTRIC
+
+#: Quantity: the unit in examples; of other quantities mm.
+_EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
+
+
+def family(key: str) -> str:
+    """Return the quantity that must be there: one of all that tell the strain is enough."""
+    base = key.partition('.')[0]
+    return 'strain' if base in STRAINS else base
+
+
+def shown(key: str) -> str:
+    """Return what a quantity is called in messages."""
+    return 'contraction' if key == 'shift' else key
+
+
+def mostly_text(column: np.ndarray) -> bool:
+    """Return whether most cells are words: below readings may stand a footer."""
+    return is_text(column) and np.isfinite(numbers(column)[0]).mean() < 0.5
+
+
+def missing_column(table: Table, key: str, taken: Sequence[Taken]) -> str:
+    """
+    Return the message for a quantity without a column.
+
+    Parameters
+    ----------
+    table : Table
+    key : str
+        'strain', 'pressure' or 'force'.
+    taken : sequence of Taken
+        What each column was taken for.
+    """
+    unused = [entry.header for entry in taken if not entry.quantity]
+    found = '; found ' + ', '.join(f"'{entry.header}' {_meaning(table, entry)}" for entry in taken)
+    misfit = _misfit(table, key, unused)
+    if misfit:
+        return f'{table.name}: {misfit}{found}'
+    missing, examples = f"{table.name}: column '{key}' is missing{found}", _examples(
+        table, key, unused)
+    if key == 'pressure' and not examples:  # it is a constant, or not in this file
+        return missing + _constant_pressure(table)
+    example = f'--columns "{(examples or [_unknown(key)])[0]}"'
+    if key == 'pressure' and len(examples) > 1:
+        example += ', or of motor units ' + ' '.join(
+            f'--columns "pressure.mu{i}={one.partition("=")[2]}"'
+            for i, one in enumerate(examples[:2], 1))
+    return f'{missing}; tell it, for example {example}'
+
+
+def _meaning(table: Table, entry: Taken) -> str:
+    """Return what a column was taken for, or why it is not used and its range."""
+    if entry.quantity:
+        return shown(entry.quantity)
+    column = table.columns[entry.header]
+    if column.dtype.kind != 'f' or not np.isfinite(column).any():
+        return entry.why
+    return f'{entry.why} ({np.nanmin(column):.4g} to {np.nanmax(column):.4g})'
+
+
+def _constant_pressure(table: Table) -> str:
+    """Return how to tell a pressure that is the same in all rows, as a title says it if any."""
+    titles = titles_of(table)
+    if len({title.pressure for title in titles}) > 1:
+        said = ', '.join(f"'{title.text}' (row {title.row})" for title in titles[:3])
+        return (f'; titles tell several: {said}; expected one above each block of rows, the first '
+                'too, or a column')
+    title = titles[0] if titles else title_of_name(table.name)
+    value, said = '300 kPa', ''
+    if title:
+        where = f'(row {title.row})' if title.row else 'in the name of the file'
+        value, said = f'{title.pressure / 1e3:g} kPa', f", as '{title.text}' {where} says"
+    return (f'; tell it, a constant for all rows{said}, for example --columns "pressure={value}"')
+
+
+def _unknown(key: str) -> str:
+    return f'{key}=... [{_EXAMPLES[key]}]'
+
+
+def _misfit(table: Table, key: str, unused: Sequence[str]) -> str:
+    """Return what to do about a column that has the name but not the unit; '' for none."""
+    for header in unused:
+        match, text = table.meaning(header), table.unit_text(header)
+        if match.score or not text or family(match.quantity) != key:
+            continue
+        told = shown(match.quantity) + (f'.{match.part}' if match.part else '')
+        unit = _EXAMPLES.get(match.quantity, 'mm')
+        others = _examples(table, key, [other for other in unused if other != header])
+        return (f"column '{header}': '{text}' is not a unit of {key}; if its numbers are in "
+                f'another unit, tell it, for example --columns "{told}={name_of(header)} '
+                f'[{unit}]", or what one {text} is worth, --columns "{told}={name_of(header)} '
+                f'* 50 {unit} - 2 {unit}"; if another column has it, --columns '
+                f'"{(others or [_unknown(key)])[0]}"')
+    return ''
+
+
+def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
+    """
+    Return how a user may tell the columns that are left.
+
+    Those whose unit fits; where there are none those without a unit, else those in volts or
+    counts. Of each those whose name fits come first.
+    """
+    fitting: list[str] = []
+    without: list[str] = []
+    electric: list[str] = []
+    for header in unused:
+        column = table.columns[header]
+        if mostly_text(column):
+            continue
+        meant, text = table.meaning(header).quantity, table.unit_text(header)
+        alike = family(meant) == key
+        told = shown(meant) if alike else key
+        if text is None:
+            values = numbers(column)[0]
+            counts = not alike and (values[np.isfinite(values)] % 1.0 == 0.0).all()
+            told = told.replace('strain', 'contraction') if counts else told
+            unit = _EXAMPLES.get(told, 'mm')
+            example = f'{told}={name_of(header)} ' + (f'* 0.5 {unit}' if counts else f'[{unit}]')
+            without.insert(0 if alike else len(without), example)
+        elif unit_for(key, text):
+            fitting.insert(0 if alike else len(fitting), f'{told}={header}')
+        elif text.strip() in ELECTRIC and (alike or not meant):
+            told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio
+            electric.append(f'{told}={name_of(header)} * 50 {_EXAMPLES.get(told, "mm")}')
+    return fitting or without or electric

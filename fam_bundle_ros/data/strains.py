@@ -1,0 +1,129 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""From a strain, a contraction, an elongation, a displacement or a length to the strain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fam_bundle_ros.data import checks
+from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.rest_length import RestLength, without_unit
+from fam_bundle_ros.data.told_columns import Choice
+from fam_bundle_ros.errors import InputError
+
+#: Partial correlation of force and displacement beyond which the force tells the sign.
+_TELLS = 0.2
+
+
+def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarray],
+              pressure: np.ndarray, rest: RestLength) -> tuple[np.ndarray, list[str]]:
+    """
+    Return the strain, (T,), and notes on it.
+
+    Parameters
+    ----------
+    table : Table
+    key : str
+        One of `column_names.STRAINS`.
+    choice : Choice
+        Its column; the sign of a displacement is set here.
+    values : dict of str to ndarray, shape (T,)
+        Readings of ``key`` and of the force, SI, with the sign of their columns.
+    pressure : ndarray, shape (T, n), Pa
+    rest : RestLength
+
+    Raises
+    ------
+    InputError
+        For a length without a rest length, and one that does not fit it.
+    """
+    given, shown = values[key], choice.header or key
+    in_lengths = choice.unit is not None and choice.unit.like == 'm'
+    notes: list[str] = []
+    ratio = given
+    if in_lengths:
+        if rest.told is None and rest.stated is None:
+            notes += without_unit(table)
+        if rest.used is None:
+            longest = (f'; the longest here is {1e3 * np.nanmax(given):.4g} mm'
+                       if key == 'length' else '')
+            raise InputError(
+                f"{table.name}: '{shown}' is a length; expected a strain, or the rest length to "
+                f'make one (--rest-length, rest_length, or a model){longest}')
+        notes += filter(None, [rest.note])
+        ratio = given / rest.used
+    if key == 'length':
+        return 1.0 - ratio, notes + _length_notes(table.name, ratio, rest)
+    if key == 'shift':
+        notes += _set_sign(choice, ratio, pressure, values['force'])
+        ratio = ratio * choice.sign
+    return ratio, notes + _range_notes(shown, ratio, in_lengths, key == 'shift') + (
+        _percent_notes(shown, choice, given))
+
+
+def _length_notes(name: str, share: np.ndarray, rest: RestLength) -> list[str]:
+    """Return notes on lengths as shares of the rest length; refuse those of another muscle."""
+    longest = float(np.nanmax(share)) if np.isfinite(share).any() else 1.0
+    if not 0.5 < longest < 1.2:
+        says = f'; the file says {1e3 * rest.stated:.4g} mm' if rest.stated else ''
+        size = 1e3 * (rest.used or 1.0)
+        raise InputError(
+            f'{name}: lengths up to {size * longest:.4g} mm beside a rest length of {size:.4g} mm'
+            '; expected the rest length of this muscle (--rest-length, rest_length, or its model)'
+            f'{says}')
+    if longest < 0.9:
+        return [f'never longer than {longest:.2f} of the rest length']
+    if longest > 1.1:
+        return [f'up to {longest:.2f} of the rest length: expected the length without fittings']
+    return []
+
+
+def _range_notes(shown: str, ratio: np.ndarray, in_lengths: bool, is_shift: bool) -> list[str]:
+    """Return notes on a contraction whose zero is not at the rest length."""
+    notes = []
+    known = ratio[np.isfinite(ratio)] if np.isfinite(ratio).any() else np.zeros(1)
+    low, high = known.min(), known.max()
+    # the zero of a position is anywhere; a contraction may begin within its range
+    if in_lengths and low > 0.05 and (is_shift or low > 0.5 * (high - low)):
+        notes.append(f"'{shown}' never is near zero ({low:.3f} of the rest length at least): "
+                     'expected zero at the rest length')
+    if low < -0.05:
+        notes.append(f"by '{shown}' the muscle " + (
+            'never is shorter than at rest: expected positive when shorter, ' if high < 0.02
+            else f'is stretched by {-100.0 * low:.0f} %: expected ')
+            + 'zero at the rest length')
+    return notes
+
+
+def _percent_notes(shown: str, choice: Choice, given: np.ndarray) -> list[str]:
+    """Return a note on percents that are as small as ratios."""
+    if choice.unit is None or choice.unit.factor != 0.01:
+        return []
+    largest = np.nanmax(np.abs(given))
+    return [f"'{shown}' reaches only {100 * largest:.2g} %: is it a ratio, not %?"
+            ] if largest < 0.006 else []
+
+
+def _set_sign(choice: Choice, ratio: np.ndarray, pressure: np.ndarray, force: np.ndarray,
+              ) -> list[str]:
+    """
+    Set the sign with which a displacement is positive when the muscle is shorter.
+
+    The force falls when a muscle shortens. Under a load that hangs on the muscle the displacement
+    follows the pressure, which shortens it. Returns a note where neither is seen.
+    """
+    rows = np.isfinite(ratio) & np.isfinite(force) & np.isfinite(pressure).all(axis=1)
+    along, _, follows = checks.partial_correlations(
+        ratio[rows], pressure[rows].sum(-1), force[rows])
+    longer = along > _TELLS or follows < 0.0
+    choice.sign, notes = -1 if longer else 1, []
+    if abs(along) > _TELLS or follows:
+        word = 'positive when longer' if longer else 'positive when shorter'
+        said = f'{word}, as the {"pressure" if follows else "force"} tells'
+    else:
+        said = 'taken as positive when shorter'
+        notes.append(f"'{choice.header}' is taken as positive when shorter; the force does not "
+                     'tell')
+    choice.why = f'{choice.why}, {said}'.removeprefix(', ')
+    return notes
