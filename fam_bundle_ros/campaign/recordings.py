@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fam_bundle_ros.data.formats import SUFFIXES
 from fam_bundle_ros.data.measurement import file_digest
-from fam_bundle_ros.discovery.specimens import read_specimens, Specimen
+from fam_bundle_ros.discovery.specimen_table import read_specimens, Specimen
 from fam_bundle_ros.errors import InputError
 
 #: File that marks a folder of results, which has no recordings.
@@ -78,13 +78,8 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
     """
     if not folder.is_dir():
         raise InputError(f'{folder}: no such folder; expected one with recordings')
-    listed: dict[Path, Specimen] = {}
-    for specimen in read_specimens(table) if table is not None else []:
-        path = Path(specimen.data).resolve()
-        if path in listed:
-            raise InputError(f"{table}: {specimen.data} is in column 'file' twice; expected one "
-                             'line for each recording')
-        listed[path] = specimen
+    listed = {Path(specimen.data).resolve(): specimen
+              for specimen in (read_specimens(table) if table is not None else [])}
     left = {path.resolve() for path in (*skip, *([table] if table is not None else []))}
     # by the name in the folder, which may be a link; the table may have another path to the file
     names = {str(path.relative_to(folder)): path for path in _files(folder, pattern)

@@ -12,7 +12,7 @@ from typing import Any
 
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.campaign.recordings import Recording
-from fam_bundle_ros.discovery.specimens import Specimen
+from fam_bundle_ros.discovery.specimen_table import Specimen
 
 Row = dict[str, Any]
 _TEXT, _NUMBER, _COUNT, _BOOL = 'string', 'float64', 'Int64', 'bool'

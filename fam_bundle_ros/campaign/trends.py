@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.discovery.specimens import DIMENSIONS
+from fam_bundle_ros.discovery.specimen_table import dimension_of
 
 #: Least number of muscles for a trend: two determine a line, a third hardly the scatter.
 LEAST = 4
@@ -201,7 +201,7 @@ def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) 
     for key, own in sorted(rows.items()):
         values, unit = per_muscle(own), own[0]['unit']
         for fact in names:
-            if key.startswith('geometry.') and fact.partition(' [')[0] in DIMENSIONS:
+            if key.startswith('geometry.') and dimension_of(fact.partition(' [')[0]):
                 continue
             chosen = [m for m in values if facts.get(m, {}).get(fact, 0.0) > 0.0]
             x = np.array([facts[m][fact] for m in chosen])

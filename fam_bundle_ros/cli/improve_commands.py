@@ -37,8 +37,8 @@ _MOST_ORDERED = 3
 
 @reads_data
 def add(
-    data: Annotated[str, typer.Option('--data', '-d', metavar='DATA', help='Measurement to refit '
-                                      'on.')],
+    data: Annotated[list[str], typer.Option('--data', '-d', metavar='DATA', help='Measurement to '
+                                            'refit on.')],
     model: ModelOption,
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='Model file to write.')],
     effects: Annotated[list[str] | None, typer.Argument(
@@ -64,6 +64,8 @@ def add(
     """Add effects to a model, refit everything on data, and write the new model file."""
     from fam_bundle_ros.discovery import add_effect
     from fam_bundle_ros.model import save_model
+    if len(data) > 1:
+        raise InputError(f'--data was given {len(data)} times; expected one measurement')
     bundle = open_model(model, allow_python)
     wanted: list[Any] = list(effects or [])
     if source is not None:

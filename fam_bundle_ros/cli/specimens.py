@@ -59,19 +59,23 @@ def diagnose_table(bundle: Any, path: Path, files: list[str], reading: Reading, 
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose_specimens(bundle, specimens, progress=tick, choices=choices)
     show_muscle(bundle)
-    console.print(f"[bold]missing in all:[/bold] {escape(', '.join(result.effects) or 'nothing')}")
-    for group in result.tied:
-        console.print(f"[bold]tied:[/bold] {escape(', '.join(group))}")
-    table(('specimen', 'error (N)', 'recalibrated (N)', 'best (N)'),
-          [(s.name, e['model'], e['recalibrated'], e['best'])
-           for s, e in zip(result.specimens, result.error_N)], numeric=(1, 2, 3))
+    for title, text in result.headlines:
+        console.print(f'[bold]{escape(title)}:[/bold] {escape(text)}', soft_wrap=True)
+    table(('specimen', 'verdict', 'error (N)', 'recalibrated (N)', 'best (N)', 'held out (N)',
+           'tolerances moved'),
+          [(each.name, each.finding.verdict, *(each.error_N[key] for key in (
+              'model', 'recalibrated', 'best', 'held_out')), each.moved_words)
+           for each in result.verdicts], numeric=(2, 3, 4, 5))
+    for each in result.verdicts:
+        for note in each.notes:
+            console.print(escape(f'{each.name}: {note}'), soft_wrap=True)
     table(('effect', 'probability'), [(name, f'{p:.2f}') for name, p in list(
         result.probability.items())[:6]], numeric=(1,))
     for constant in result.constants:
         console.print(escape(str(constant)), soft_wrap=True)
     if model_out is not None:
-        for specimen, model in zip(result.specimens, result.models):
-            out = model_out.with_name(f'{model_out.stem}_{specimen.name}{model_out.suffix}')
-            save_model(model, out)
+        for each in result.verdicts:
+            out = model_out.with_name(f'{model_out.stem}_{each.name}{model_out.suffix}')
+            save_model(each.model, out)
             wrote(out)
     save_json(json_file, result.to_dict())

@@ -24,12 +24,8 @@ from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.discovery.specimens import (
-    diagnose_specimens,
-    read_specimens,
-    Specimen,
-    Together,
-)
+from fam_bundle_ros.discovery.specimen_table import read_specimens, Specimen
+from fam_bundle_ros.discovery.specimens import diagnose_specimens, Together
 
 __all__ = ['add_effect', 'Added', 'Candidate', 'Choices', 'compare', 'Comparison', 'diagnose',
            'diagnose_specimens', 'Diagnosis', 'ladder', 'Ladder', 'locate', 'Measurement',

@@ -13,9 +13,9 @@ over the sets, `verdict` gives the verdict. This module runs these steps and col
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,14 +33,14 @@ from fam_bundle_ros.discovery.choice import (
     likelier_than_not,
     predictive,
 )
-from fam_bundle_ros.discovery.compare import compare
+from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import family, Options
-from fam_bundle_ros.discovery.posterior import Change, named, Posterior
+from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
@@ -81,27 +81,12 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     """
     begun = time.perf_counter()
     choices = choices or Choices()
-    comparison = compare(model, as_measurement(measurement))
-    data, offsets = _tared(comparison.measurement, comparison.residual)
-    cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    search = Search(Options.of(model, cells, choices), fitter, progress).run()
+    searched = Searched.of(model, as_measurement(measurement), choices, progress)
+    comparison, data, search = searched.comparison, searched.data, searched.search
+    fitter, cells = search.fitter, search.fitter.cells
     if progress:
         progress(0.9, 'weighing what is left')
-    chosen, found = best_of_ties(search, *named(search, search.best), choices)
-    if not found:
-        chosen, found = likelier_than_not(search, choices)
-    physics = fitter.without_discrepancy(chosen)
-    base = fitter.without_discrepancy(search.null) if found else physics
-    likely = bool(found)
-    chosen, found, physics, held = drop_unpredictive(search, chosen, found, physics,
-                                                     choices.inclusion)
-    if offsets is None and not data.is_static:
-        offsets = _offsets_left(cells, physics)
-    finding = judge(fitter, search.null, base, chosen, physics, found, held,
-                    _artefacts(offsets, comparison.noise), choices.inclusion, likely)
-    if finding.verdict == 'unexplained' and found:
-        held = held_out(fitter, base, search.null)
+    chosen, found, physics, base, held, finding = searched.alone()
     answer = found if finding.named else []
     final, joint = (physics, chosen) if finding.named else (base, search.null)
     posterior = Posterior.over_folds(search, chosen)
@@ -155,6 +140,95 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         leftover_before=before, likely=tuple(posterior.likely(joint.names)), traded=trades,
         ladder=_ladder(search, answer, error, base, held, beyond),
         seconds=time.perf_counter() - begun)
+
+
+class Judged(NamedTuple):
+    """
+    A set of effects with its verdict.
+
+    Attributes
+    ----------
+    chosen, physics : Fit
+        The set, fitted with and without a discrepancy.
+    found : list of Change
+    base : Fit
+        The model as given, fitted without a discrepancy.
+    held : HeldOut
+        Of the set; of the model as given if the verdict refuses it.
+    finding : Finding
+    """
+
+    chosen: Fit
+    found: list[Change]
+    physics: Fit
+    base: Fit
+    held: HeldOut
+    finding: Finding
+
+
+@dataclass(frozen=True)
+class Searched:
+    """
+    A measurement and the search for the effects that it shows.
+
+    Attributes
+    ----------
+    comparison : Comparison
+        With the model as given.
+    data : Measurement
+        Without offsets between the trials of a map.
+    offsets : Offsets or None
+        These offsets.
+    search : Search
+    """
+
+    comparison: Comparison
+    data: Measurement
+    offsets: Offsets | None
+    search: Search
+
+    @classmethod
+    def of(cls, model: Bundle, measurement: Measurement, choices: Choices,
+           progress: Progress = None, lengths: int = 1) -> Searched:
+        """Return the finished search; ``lengths`` as in `Options.of`."""
+        comparison = compare(model, measurement)
+        data, offsets = _tared(comparison.measurement, comparison.residual)
+        cells = reduce(model, data)
+        fitter = Fitter(cells, Covariance(cells, choices.unexplained))
+        search = Search(Options.of(model, cells, choices, lengths), fitter, progress).run()
+        return cls(comparison, data, offsets, search)
+
+    def alone(self) -> Judged:
+        """Choose the set that explains this measurement, and judge it."""
+        search, choices = self.search, self.search.options.choices
+        chosen, found = best_of_ties(search, *named(search, search.best), choices)
+        if not found:
+            chosen, found = likelier_than_not(search, choices)
+        likely = bool(found)
+        physics = search.fitter.without_discrepancy(chosen)
+        return self._judged(*drop_unpredictive(search, chosen, found, physics, choices.inclusion),
+                            likely)
+
+    def with_set(self, chosen: Fit) -> Judged:
+        """Judge a given set."""
+        found = changes(self.search.options, chosen.names)
+        physics = self.search.fitter.without_discrepancy(chosen)
+        held = held_out(self.search.fitter, physics, chosen)
+        return self._judged(chosen, found, physics, held, bool(found))
+
+    def _judged(self, chosen: Fit, found: list[Change], physics: Fit, held: HeldOut,
+                likely: bool) -> Judged:
+        fitter, null = self.search.fitter, self.search.null
+        base = fitter.without_discrepancy(null) if likely else physics
+        offsets = self.offsets
+        if offsets is None and not self.data.is_static:
+            offsets = _offsets_left(fitter.cells, physics)
+        finding = judge(fitter, null, base, chosen, physics, found, held,
+                        _artefacts(offsets, self.comparison.noise),
+                        self.search.options.choices.inclusion, likely)
+        if finding.verdict == 'unexplained' and found:
+            held = held_out(fitter, base, null)
+        return Judged(chosen, found, physics, base, held, finding)
 
 
 def _tared(data: Measurement, residual: np.ndarray) -> tuple[Measurement, Offsets | None]:

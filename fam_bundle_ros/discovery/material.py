@@ -14,18 +14,45 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
+from math import factorial
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
 from fam_bundle_ros.discovery.estimates import DEAD, unit_of
 from fam_bundle_ros.discovery.fitter import Fit
+from fam_bundle_ros.model import Place
 
 #: Significance level of the chi-square test for a power law.
 _ALARM = 0.01
 #: Most parameters of one effect treated jointly; the number of sets is two to this power.
 _TOGETHER = 8
+
+
+class Relation(NamedTuple):
+    """
+    How a parameter depends on the columns of the table.
+
+    Attributes
+    ----------
+    goes_with : str
+        Column on which it depends by a power law; empty for none.
+    power : float or None
+        Exponent of the power law.
+    interval : tuple of float or None
+        Its 95 % interval, which excludes zero.
+    ordered : dict of str to str
+        If there is no power law: columns in whose order the values are, ``rises`` or ``falls``.
+    chance : float
+        Share of all orders of the values that are as ordered.
+    """
+
+    goes_with: str = ''
+    power: float | None = None
+    interval: tuple[float, float] | None = None
+    ordered: Mapping[str, str] = {}
+    chance: float = 1.0
 
 
 class Constant(NamedTuple):
@@ -35,37 +62,61 @@ class Constant(NamedTuple):
     Attributes
     ----------
     key, unit : str
+    specimens : list of str
+        Names of those that can show it.
     values, sd : list of float
-        Estimate and standard deviation in each specimen, in the unit.
+        Estimate and standard deviation in each of them, in the unit.
     shared : float
-        Probability that all specimens have the same value.
+        Probability that all have the same value.
     value : float
         The common value, in the unit.
-    goes_with : str
-        Column of the table on which it depends by a power law; empty for none.
-    power : float
-        Exponent of the power law.
+    odds : float
+        Odds from which it is said that the values are the same, or that they differ.
+    relation : Relation
+        To the columns of the table; only for values that differ.
     """
 
     key: str
     unit: str
+    specimens: list[str]
     values: list[float]
     sd: list[float]
     shared: float
     value: float
-    goes_with: str
-    power: float
+    odds: float
+    relation: Relation = Relation()
+
+    @property
+    def is_shared(self) -> bool | None:
+        """Whether all specimens have the same value; None if undecided."""
+        if self.odds * min(self.shared, 1.0 - self.shared) > max(self.shared, 1.0 - self.shared):
+            return None
+        return self.shared > 0.5
 
     def __str__(self) -> str:
         unit = f' {self.unit}' if self.unit else ''
-        if self.shared > 0.5:
+        if self.is_shared:
             return (f'{self.key} is {self.value:.4g}{unit} in all '
                     f'(probability {self.shared:.2f}): a constant of the material')
-        text = ', '.join(f'{value:.4g}' for value in self.values)
-        if self.goes_with:
-            return (f'{self.key} goes with {self.goes_with} (power {self.power:.2g}: {text}{unit})'
-                    ': not a constant of the material')
-        return f'{self.key} differs ({text}{unit}) and depends on no column of the table'
+        text = ', '.join(f'{value:.4g}' for value in self.values) + unit
+        if self.is_shared is None:
+            return (f'{self.key} is undecided: one value in all has a probability of '
+                    f'{self.shared:.2f} ({text})')
+        found = self.relation
+        if found.interval is not None:
+            low, high = found.interval
+            return (f'{self.key} goes with {found.goes_with} (power {found.power:.2g}, '
+                    f'{low:.2g} to {high:.2g}: {text}): not a constant of the material')
+        if found.ordered:
+            ways = ', '.join(f'{way} with {column}' for column, way in found.ordered.items())
+            return (f'{self.key} {ways}, but not as a power law ({text}; '
+                    f'1 of {1.0 / found.chance:.0f} orders would)')
+        return f'{self.key} differs ({text}) and depends on no column of the table'
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry as JSON has it."""
+        return {**self._asdict(), 'is_shared': self.is_shared,
+                'relation': self.relation._asdict()}
 
 
 @dataclass(frozen=True)
@@ -76,6 +127,8 @@ class Sharing:
     Attributes
     ----------
     keys : tuple of str
+    places : list of int
+        Which of the specimens have the effect.
     x, sd : ndarray, shape (k, n)
         Value in each specimen and its standard deviation; logarithms for log-normal priors.
     width : ndarray, shape (k,)
@@ -89,6 +142,7 @@ class Sharing:
     """
 
     keys: tuple[str, ...]
+    places: list[int]
     x: np.ndarray
     sd: np.ndarray
     width: np.ndarray
@@ -98,17 +152,27 @@ class Sharing:
 
 
 def sharings(fits: Sequence[Fit]) -> list[Sharing]:
-    """Return the parameters that specimens have in common, by effect; without sensor errors."""
+    """
+    Return the parameters that specimens have in common, by effect; without sensor errors.
+
+    An effect is compared in the specimens that have it, if these are two or more.
+    """
     groups: dict[str, list[str]] = {}
-    for prior in fits[0].priors:
-        effect = prior.key.partition('.')[0]
-        if effect != 'geometry' and fits[0].model.effect(effect).place.value != 'sensor':
-            groups.setdefault(effect, []).append(prior.key)
-    return [_sharing(fits, tuple(keys[k:k + _TOGETHER])) for keys in groups.values()
+    for fit in fits:
+        for key in (prior.key for prior in fit.priors):
+            effect = key.partition('.')[0]
+            if effect != 'geometry' and fit.model.effect(effect).place is not Place.SENSOR:
+                known = groups.setdefault(effect, [])
+                known += [key] if key not in known else []
+    having = {effect: [k for k, fit in enumerate(fits) if effect in fit.names]
+              for effect in groups}
+    return [_sharing(fits, tuple(keys[k:k + _TOGETHER]), having[effect])
+            for effect, keys in groups.items() if len(having[effect]) > 1
             for k in range(0, len(keys), _TOGETHER)]
 
 
-def _sharing(fits: Sequence[Fit], keys: tuple[str, ...]) -> Sharing:
+def _sharing(every: Sequence[Fit], keys: tuple[str, ...], places: list[int]) -> Sharing:
+    fits = [every[k] for k in places]
     at = [[[prior.key for prior in fit.priors].index(key) for key in keys] for fit in fits]
     priors = [[fit.priors[j] for j in places] for fit, places in zip(fits, at)]
     centre = np.array([np.log(p.value) if p.kind == 'log' else p.value for p in priors[0]])
@@ -132,7 +196,8 @@ def _sharing(fits: Sequence[Fit], keys: tuple[str, ...]) -> Sharing:
         likeliest = max(holding, key=lambda k: log[k])
         one[j] += width[j] * found[likeliest][1][sets[likeliest].index(j)]
     sd = np.sqrt(np.diagonal(spread, axis1=1, axis2=2)) * width
-    return Sharing(keys, x.T, sd.T, width, total - len(keys) * float(np.log(2.0)), shared, one)
+    return Sharing(keys, places, x.T, sd.T, width, total - len(keys) * float(np.log(2.0)),
+                   shared, one)
 
 
 def _bayes_factor(z: np.ndarray, spread: np.ndarray) -> tuple[float, np.ndarray]:
@@ -170,53 +235,66 @@ def _log_evidence(precision: np.ndarray, pull: np.ndarray) -> tuple[float, np.nd
     return float(0.5 * pull @ mean - 0.5 * np.linalg.slogdet(whole)[1]), mean
 
 
-def constants(fits: Sequence[Fit], facts: Sequence[Mapping[str, float]]) -> list[Constant]:
+def constants(fits: Sequence[Fit], facts: Sequence[Mapping[str, float]], names: Sequence[str],
+              odds: float) -> list[Constant]:
     """
-    Return for each parameter whether it is common to all specimens or follows a power law.
+    Return for each parameter whether it is common to all specimens, or how it differs.
 
     Parameters
     ----------
     facts : sequence of mapping
         Known numbers of each specimen: length, age, ...
+    names : sequence of str
+        Of the specimens.
+    odds : float
+        Odds from which the values are said to be the same, or to differ.
     """
     found = []
     for sharing in sharings(fits):
+        having = [fits[k] for k in sharing.places]
         for j, key in enumerate(sharing.keys):
             x, s = sharing.x[j], sharing.sd[j]
             if np.all(s > DEAD * sharing.width[j]):
                 continue
-            unit, size = unit_of(fits[0].model, key)
-            is_log = next(p for p in fits[0].priors if p.key == key).kind == 'log'
-            shared = float(sharing.shared[j])
-            goes_with, power = ('', 0.0) if shared > 0.5 else _goes_with(x, s, facts, is_log)
+            unit, size = unit_of(having[0].model, key)
+            is_log = next(p for p in having[0].priors if p.key == key).kind == 'log'
             values = np.exp(x) if is_log else x
             one = float(np.exp(sharing.one[j]) if is_log else sharing.one[j])
-            found.append(Constant(
-                key, unit, (values / size).tolist(),
-                (s * (values if is_log else 1.0) / size).tolist(), shared, one / size, goes_with,
-                power))
+            each = Constant(
+                key, unit, [names[k] for k in sharing.places], (values / size).tolist(),
+                (s * (values if is_log else 1.0) / size).tolist(), float(sharing.shared[j]),
+                one / size, odds)
+            found.append(each if each.is_shared is not False else each._replace(
+                relation=_relation(x, s, [facts[k] for k in sharing.places], is_log)))
     return found
 
 
-def _goes_with(x: np.ndarray, s: np.ndarray, facts: Sequence[Mapping[str, float]], is_log: bool
-               ) -> tuple[str, float]:
+def _relation(x: np.ndarray, s: np.ndarray, facts: Sequence[Mapping[str, float]], is_log: bool
+              ) -> Relation:
     """
-    Return the fact on which a parameter depends by a power law, and the exponent; empty for none.
+    Return how a parameter depends on columns that have three or more distinct values.
 
-    A weighted line is fitted to the logarithms, for three or more specimens. Its residual scatter
-    must be consistent with the errors of the fits (chi-square test).
+    For a power law, a weighted line is fitted to the logarithms. Its residual scatter must be
+    consistent with the errors of the fits (chi-square test).
     """
     from scipy import stats
-    best: tuple[float, str, float] | None = None
+    best, least, ordered, chance = Relation(), np.inf, {}, 1.0
     for fact in sorted(set.intersection(*map(set, facts))):
         t = np.array([each[fact] for each in facts])
-        positive = is_log or bool(np.all(x > 0.0))
-        if len(x) < 3 or np.any(t <= 0.0) or len(np.unique(t)) < 2 or not positive:
+        _, alike = np.unique(t, return_counts=True)
+        if len(alike) < 3:
+            continue
+        way = np.sign(np.subtract.outer(t, t) * np.subtract.outer(x, x))
+        if np.all(way >= 0) or np.all(way <= 0):
+            ordered[fact] = 'rises' if np.all(way >= 0) else 'falls'
+            chance = 2.0 * float(np.prod([factorial(n) for n in alike])) / factorial(len(t))
+        if np.any(t <= 0.0) or not (is_log or np.all(x > 0.0)):
             continue
         y, spread = (x, s) if is_log else (np.log(x), s / x)
         line = np.stack([np.ones(len(t)), np.log(t)], -1) / spread[:, None]
         found, _, _, _ = np.linalg.lstsq(line, y / spread, rcond=None)
         left = float(np.sum((y / spread - line @ found) ** 2))
-        if stats.chi2.sf(left, len(t) - 2) > _ALARM and (best is None or left < best[0]):
-            best = (left, fact, float(found[1]))
-    return best[1:] if best is not None else ('', 0.0)
+        power, reach = float(found[1]), 1.96 * float(np.sqrt(np.linalg.inv(line.T @ line)[1, 1]))
+        if stats.chi2.sf(left, len(t) - 2) > _ALARM and left < least and abs(power) > reach:
+            best, least = Relation(fact, power, (power - reach, power + reach)), left
+    return best if best.goes_with else Relation(ordered=ordered, chance=chance)

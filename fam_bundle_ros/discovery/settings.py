@@ -29,7 +29,8 @@ class Choices:
         smaller values the search adds effects sooner. A discrepancy of ten times this size gives
         the verdict `unexplained`.
     odds : float
-        Sets of effects whose odds against the best one are at most this are ties.
+        Sets of effects whose odds against the best one are at most this are ties. Of several
+        specimens, odds from which the values of a constant are said to be the same, or to differ.
     inclusion : float
         Prior probability that an effect is missing (or that one of the model is wrong).
     most : int

@@ -6,7 +6,9 @@ import json
 import shlex
 
 import pytest
+from typer.testing import CliRunner
 
+from fam_bundle_ros.cli.app import app
 from fam_bundle_ros.cli.common import candidate_table
 from fam_bundle_ros.discovery.result import Candidate
 
@@ -173,6 +175,13 @@ def test_add_and_ladder_show_the_error_fall(fam_bundle, repository, tmp_path):
     assert after['error_N'] < 1.1 * found['noise_floor_N']
     assert after['held_out_N'] < 1.1 * found['noise_floor_N']
     assert '<figure id="ladder">' in (tmp_path / 'ladder.html').read_text()
+
+
+def test_add_refuses_a_second_measurement():
+    """The last one was used alone."""
+    told = CliRunner().invoke(app, ['add', '-d', 'a.csv', '-d', 'b.csv', '-m', 'spie2021', '-o',
+                                    'better.yaml'])
+    assert str(told.exception) == '--data was given 2 times; expected one measurement'
 
 
 def test_add_takes_a_users_own_expression(fam_bundle, repository, tmp_path):

@@ -12,10 +12,12 @@ from scipy.stats import multivariate_normal
 
 from fam_bundle_ros.discovery.material import (
     _bayes_factor,
-    _goes_with,
     _log_evidence,
+    _relation,
     _sharing,
     Constant,
+    Relation,
+    sharings,
 )
 from fam_bundle_ros.discovery.priors import Prior
 
@@ -79,7 +81,7 @@ def test_what_is_shared_is_averaged_over_all_sets():
         priors=[Prior(f'a.{name}', -99.0, 99.0, float(value), width, kind)
                 for name, value, kind in zip('xyz', values, kinds)],
         u=u, covariance=each) for u, each in zip(mean, spread)]
-    found = _sharing(fits, ('a.x', 'a.y', 'a.z'))
+    found = _sharing(fits, ('a.x', 'a.y', 'a.z'), list(range(4)))
     sets = [chosen for size in range(4) for chosen in combinations(range(3), size)]
     weight = np.array([_bayes_factor_of(mean, spread, chosen) for chosen in sets])
     assert found.log_factor == pytest.approx(np.log(np.mean(np.exp(weight))))
@@ -110,6 +112,22 @@ def _bayes_factor_of(mean, spread, chosen):
     return log_shared(seen, noise, everything) - log_shared(seen, noise, ())
 
 
+def test_an_effect_is_compared_in_the_specimens_that_have_it(paper_muscle):
+    """And not at all if only one has it; errors of sensors never are."""
+    priors = {name: Prior(f'{name}.force' if 'friction' in name else f'{name}.bias', 0.0, 9.0,
+                          2.0, 0.7, 'log') for name in ('coulomb_friction', 'force_sensor_bias')}
+    model = paper_muscle.with_effect('coulomb_friction').with_effect('force_sensor_bias')
+
+    def fit(*names):
+        return SimpleNamespace(names=names, model=model, u=np.zeros(len(names)),
+                               priors=[priors[name] for name in names],
+                               covariance=0.1 * np.eye(len(names)))
+    both, none = fit('coulomb_friction', 'force_sensor_bias'), fit('force_sensor_bias')
+    found = sharings([none, both, both])
+    assert [(each.keys, each.places) for each in found] == [(('coulomb_friction.force',), [1, 2])]
+    assert not sharings([none, both, none])
+
+
 @pytest.mark.parametrize('power', [-1.0, 0.5, 2.0])
 @pytest.mark.parametrize('is_log', [True, False])
 def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power, is_log):
@@ -119,21 +137,48 @@ def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power, is_log):
     facts = [{'length': t, 'age': age, 'batch': 7.0}
              for t, age in zip(length, (1.0, 9.0, 2.0, 5.0))]
     x, s = (np.log(value), np.full(4, 0.02)) if is_log else (value, 0.02 * value)
-    name, found = _goes_with(x, s, facts, is_log)
-    assert (name, found) == ('length', pytest.approx(power))
-    assert _goes_with(x[:2], s[:2], facts[:2], is_log) == ('', 0.0)
+    found = _relation(x, s, facts, is_log)
+    assert (found.goes_with, found.power) == ('length', pytest.approx(power))
+    low, high = found.interval
+    # standard error of the slope of a line
+    spread = 0.02 / np.sqrt(np.sum((np.log(length) - np.log(length).mean()) ** 2))
+    assert high - low == pytest.approx(2 * 1.96 * spread)
     only = [{key: each[key] for key in ('age', 'batch')} for each in facts]
-    assert _goes_with(x, s, only, is_log) == ('', 0.0)
+    assert _relation(x, s, only, is_log) == Relation()
+
+
+def test_a_line_through_two_values_is_no_power_law():
+    """Nor is one whose power may be zero."""
+    x, s = np.log([122.9, 63.05, 121.3]), np.full(3, 0.1)
+    assert _relation(x, s, [{'length': t} for t in (127.0, 122.0, 127.0)], True) == Relation()
+    found = _relation(np.log([3.0, 3.2, 2.9, 3.3]), np.full(4, 0.1),
+                      [{'age': t} for t in (10.0, 100.0, 400.0, 900.0)], True)
+    assert found == Relation()
+
+
+def test_values_in_the_order_of_a_column_are_said_to_rise_or_fall_with_it():
+    """Friction of 1 to 4.2 N after 10 to 900 days is no power law, but it rises with age."""
+    x, s = np.log([1.0, 1.7, 3.0, 4.2]), np.full(4, 0.02)
+    facts = [{'age': t, 'batch': b} for t, b in zip((10.0, 100.0, 400.0, 900.0), (3, 1, 2, 4))]
+    rises = _relation(x, s, facts, True)
+    assert (rises.ordered, rises.interval) == ({'age': 'rises'}, None)
+    assert rises.chance == pytest.approx(2.0 / 24.0)
+    assert _relation(-x, s, facts, True).ordered == {'age': 'falls'}
 
 
 def test_a_constant_is_told_with_what_it_is():
-    """One number in all, or what it goes with, or neither."""
+    """One number in all, what it goes with, neither, or undecided by the odds of the user."""
     def told(**changes):
-        return str(Constant(**{'key': 'a.b', 'unit': 'mm', 'values': [1.0, 2.0], 'sd': [0.1, 0.1],
-                               'shared': 0.1, 'value': 1.5, 'goes_with': '', 'power': 0.0,
-                               **changes}))
+        return str(Constant(**{
+            'key': 'a.b', 'unit': 'mm', 'specimens': ['x', 'y'], 'values': [1.0, 2.0],
+            'sd': [0.1, 0.1], 'shared': 0.01, 'value': 1.5, 'odds': 20.0, **changes}))
     assert told(shared=0.97) == (
         'a.b is 1.5 mm in all (probability 0.97): a constant of the material')
-    assert told(goes_with='length', power=1.0).startswith(
-        'a.b goes with length (power 1: 1, 2 mm)')
+    assert told(relation=Relation('length', 1.0, (0.8, 1.2))) == (
+        'a.b goes with length (power 1, 0.8 to 1.2: 1, 2 mm): not a constant of the material')
+    assert told(relation=Relation(ordered={'age': 'rises'}, chance=1 / 12)) == (
+        'a.b rises with age, but not as a power law (1, 2 mm; 1 of 12 orders would)')
     assert told() == 'a.b differs (1, 2 mm) and depends on no column of the table'
+    for shared in (0.55, 0.94, 0.06):
+        assert told(shared=shared).startswith('a.b is undecided: one value in all has a')
+    assert 'a constant of the material' in told(shared=0.6, odds=1.4)

@@ -15,8 +15,12 @@ from fam_bundle_ros.discovery import (
     diagnose_specimens,
     read_specimens,
     Specimen,
+    Together,
     write_csv,
 )
+from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.specimen_table import unused_columns
+from fam_bundle_ros.discovery.specimens import Verdict
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model, save_model
 
@@ -53,7 +57,7 @@ def test_a_dead_length_is_the_same_in_all_and_so_a_constant(specimens, paper_mus
     done = CliRunner().invoke(app, [
         'diagnose', '--specimens', str(tmp_path / 'table.csv'), '--model',
         str(tmp_path / 'model.yaml'), '--model-out', str(tmp_path / 'better.yaml'), '--json',
-        str(tmp_path / 'd.json')])
+        str(tmp_path / 'd.json'), '--odds', '5'])
     assert done.exit_code == 0, done.output
     assert 'end_caps.dead_length is' in done.output
     assert 'a constant of the material' in done.output
@@ -62,6 +66,7 @@ def test_a_dead_length_is_the_same_in_all_and_so_a_constant(specimens, paper_mus
     found = next(c for c in result['constants'] if c['key'] == 'end_caps.dead_length')
     assert found['shared'] > 0.9
     assert found['value'] == pytest.approx(12.0, abs=0.3)
+    assert {each['verdict'] for each in result['specimens']} == {'missing_effect'}
     for specimen, length in zip(result['specimens'], LENGTHS[::2]):
         assert specimen['error_N']['best'] < 0.66 < specimen['error_N']['model']
         better = load_model(tmp_path / f"better_{specimen['name']}.yaml")
@@ -70,18 +75,38 @@ def test_a_dead_length_is_the_same_in_all_and_so_a_constant(specimens, paper_mus
 
 
 def test_a_friction_in_proportion_to_length_is_no_constant(specimens, paper_muscle):
-    """It is named in all, with the length that it goes with."""
-    result = diagnose_specimens(paper_muscle, specimens(
-        lambda muscle, length: muscle.with_effect('coulomb_friction', force=24.0 * length)),
-        choices=Choices(most=1))
+    """It is named in all, with its length; a recording of a spring is refused and left out."""
+    made = specimens(
+        lambda muscle, length: muscle.with_effect('coulomb_friction', force=24.0 * length))
+    few = made[1].data.select(np.arange(len(made[1].data)) % 4 == 0)
+    spring = replace(few, force=120.0 - 700.0 * few.strain)
+    result = diagnose_specimens(paper_muscle, [
+        *made, replace(made[1], name='spring', data=spring)], choices=Choices(most=1))
     assert result.effects == ('coulomb_friction',)
+    assert [each.finding.verdict for each in result.verdicts] == 3 * ['missing_effect'] + [
+        'unexplained']
+    assert [each.left_out for each in result.verdicts] == 3 * [False] + [True]
+    assert 'a curve of the strain alone' in str(result.verdicts[3])
+    assert all(each.error_N['held_out'] < 0.7 for each in result.verdicts[:3])
     found = constant(result, 'coulomb_friction.force')
     assert found.shared < 0.01
-    assert found.goes_with == 'length'
-    assert found.power == pytest.approx(1.0, abs=0.1)
+    assert found.specimens == ['s0', 's1', 's2']
+    assert found.relation.goes_with == 'length'
+    assert found.relation.power == pytest.approx(1.0, abs=0.1)
     assert found.values == pytest.approx([24.0 * length for length in LENGTHS], rel=0.1)
     # the rubber is the same in all: no fit may pass its error on to it
     assert constant(result, 'bladder_elasticity.c10').shared > 0.9
+
+
+def test_what_is_replaced_in_all_is_said():
+    """An effect of one rig is not; both are told by the recordings that need them."""
+    rubber, bias = Change('bladder_elasticity', 'bladder_polynomial'), Change('', 'pressure_bias')
+    verdicts = tuple(Verdict(Specimen(name, ''), own, None, {}, {}, (), False, None)
+                     for name, own in (('a', (rubber,)), ('b', (rubber, bias))))
+    assert Together((rubber,), {}, (), {}, verdicts, (), ()).headlines == [
+        ('missing in all', 'nothing'),
+        ('changed in all', 'bladder_polynomial for bladder_elasticity'),
+        ('needed in 1 of 2', 'pressure_bias (b)')]
 
 
 @pytest.mark.parametrize(('lengths', 'tied'), [(LENGTHS, False), (LENGTHS[::2], True)])
@@ -118,7 +143,27 @@ def test_a_table_gives_each_recording_its_dimensions_in_any_unit(tmp_path):
     assert (second.name, second.dimensions) == ('b', pytest.approx({'radius': 3.175e-3}))
 
 
+def test_a_dimension_is_known_by_its_usual_names(tmp_path):
+    """In any case; another column of a length is said to be no dimension."""
+    table = tmp_path / 'specimens.csv'
+    table.write_text('File,Rest length [mm],OD [mm],Wall_Thickness [mm],stroke [mm],age [days]\n'
+                     'a.csv,127,12.7,1.59,30,10\n')
+    [specimen] = read_specimens(table)
+    assert specimen.dimensions == pytest.approx(
+        {'length': 0.127, 'radius': 6.35e-3, 'wall_thickness': 1.59e-3})
+    [note] = unused_columns([specimen])
+    assert "'stroke [mm]' is not one of the dimensions length, radius" in note
+
+
+def test_files_of_one_name_in_two_folders_are_named_apart(tmp_path):
+    """So that their models are two files; the rest keep their short names."""
+    table = tmp_path / 'specimens.csv'
+    table.write_text('file\na/x.csv\nb/x.csv\nb/x.mcap\nb/y.csv\n')
+    assert [each.name for each in read_specimens(table)] == ['a_x', 'b_x.csv', 'b_x.mcap', 'y']
+
+
 @pytest.mark.parametrize(('text', 'said'), [
+    ('file\na.csv\na.csv\n', "a.csv is in column 'file' twice"),
     ('name,length [mm]\na,1\n', "expected one called 'file'"),
     ('file,length\na.csv,127\n', "row 2, column 'length' has no unit"),
     ('file,length [mm]\na.csv,long\n', "row 2, column 'length': 'long'; expected a number"),
