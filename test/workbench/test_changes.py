@@ -47,7 +47,8 @@ def test_the_printed_command_is_one_that_the_command_line_takes(told_to_swap):
     context = get_command(app).commands['add'].make_context('add', words[2:])
     assert context.params['effects'] == ['coulomb_friction']
     assert context.params['replacing'] == ['bladder_elasticity=bladder_polynomial']
-    assert context.params['data'].endswith('hidden_friction.csv')
+    [data] = context.params['data']
+    assert data.endswith('hidden_friction.csv')
 
 
 def test_an_effect_that_was_added_is_replaced_where_it_is(with_friction):

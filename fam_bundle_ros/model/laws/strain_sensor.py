@@ -20,7 +20,7 @@ def strain_sensor_offset(offset):
 @law('sensor', changes='strain', family='strain_sensor', variant_of='strain_sensor_offset',
      leaves=('smooth0', 'smooth1'), needs='length readings',
      remedy='measure the rest length and the clamped ends with a calliper',
-     off={'excess': 0.0}, look=('olive', 'dash'),
+     off={'excess': 0.0}, look=('olive', 'longdashdot'),
      summary='error of the rest length by which length readings were made strains',
      source='derived: e = 1 - l/L0 with the true L0',
      signature='the error has the shape of (1 - e) dF/de at every pressure',
