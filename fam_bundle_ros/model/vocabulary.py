@@ -4,8 +4,8 @@
 The functions that laws may call, and their implementations for arrays, floats and numba.
 
 A law calls NumPy's `maximum, minimum, where, sqrt, exp, log, expm1, tanh, sin, cos, abs, sign`
-and `pi`, and for its memory the recurrences below. `bound` returns the same code object with
-these functions replaced for one mode:
+`pi` and `of_unit`, and for its memory the recurrences below. `bound` returns the same code object
+with these functions replaced for one mode:
 
 - ``'arrays'``: NumPy, element by element; recurrences are one step
 - ``'scans'``: as arrays, but axis 0 is time and a recurrence runs along it in one call
@@ -100,6 +100,13 @@ def lag(lagged, last, signal, time_constant, start, dt):
     mean = -share * np.expm1(-rate)
     ramp = (1.0 - mean) * signal + (mean - decay) * before(last, signal)
     return affine(lagged, np.where(start, 0.0, decay), np.where(start, signal, ramp))
+
+
+def of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6):
+    """Return the value of the motor unit with this index, 0 after the sixth."""
+    later = np.where(unit == 4, mu5, np.where(unit == 5, mu6, 0.0))
+    middle = np.where(unit == 2, mu3, np.where(unit == 3, mu4, later))
+    return np.where(unit == 0, mu1, np.where(unit == 1, mu2, middle))
 
 
 # --- the same functions for one sample as floats ----------------------------------------------

@@ -4,9 +4,8 @@
 
 from typing import Any
 
-import numpy as np
-
 from fam_bundle_ros.model.laws.base import law, Parameter
+from fam_bundle_ros.model.vocabulary import of_unit
 
 _PARAMETERS: dict[str, Any] = {
     f'mu{i}': Parameter(0.0, '1', -0.4, 0.4, f'cross section of unit {i} over unit 1, minus 1')
@@ -24,5 +23,4 @@ def motor_unit_mismatch(unit, mu2, mu3, mu4, mu5, mu6):
 
     Motor units after the sixth are unchanged.
     """
-    later = np.where(unit == 4, mu5, np.where(unit == 5, mu6, 0.0))
-    return np.where(unit == 1, mu2, np.where(unit == 2, mu3, np.where(unit == 3, mu4, later)))
+    return of_unit(unit, 0.0, mu2, mu3, mu4, mu5, mu6)

@@ -4,9 +4,8 @@
 
 from typing import Any
 
-import numpy as np
-
 from fam_bundle_ros.model.laws.base import law, Parameter
+from fam_bundle_ros.model.vocabulary import of_unit
 
 _FAMILY: dict[str, Any] = {
     'family': 'pressure_sensor', 'changes': 'pressure', 'leaves': ('smooth1', 'smooth2'),
@@ -40,19 +39,12 @@ _GAINS: dict[str, Any] = {f'mu{i}': Parameter(0.0, '1', -0.3, 0.3, f'relative er
                           for i in range(1, 7)}
 
 
-def _of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6):
-    """Return the value of a motor unit, 0 after the sixth."""
-    later = np.where(unit == 4, mu5, np.where(unit == 5, mu6, 0.0))
-    middle = np.where(unit == 2, mu3, np.where(unit == 3, mu4, later))
-    return np.where(unit == 0, mu1, np.where(unit == 1, mu2, middle))
-
-
 @law('sensor', **_OF_UNITS, off=dict.fromkeys(_BIASES, 0.0), look=('blue', 'dash'),
      summary='pressure gauges with an offset of each motor unit',
      signature='the error has the shape of dF/dP of one motor unit', **_BIASES)
 def unit_pressure_bias(unit, mu1, mu2, mu3, mu4, mu5, mu6):
     """Pressure reading of unit i = pressure + b_i."""
-    return _of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6)
+    return of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6)
 
 
 @law('sensor', **_OF_UNITS, off=dict.fromkeys(_GAINS, 0.0), look=('blue', 'dashdot'),
@@ -61,4 +53,4 @@ def unit_pressure_bias(unit, mu1, mu2, mu3, mu4, mu5, mu6):
      **_GAINS)
 def unit_pressure_gain(unit, pressure, mu1, mu2, mu3, mu4, mu5, mu6):
     """Pressure reading of unit i = pressure (1 + g_i)."""
-    return pressure * _of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6)
+    return pressure * of_unit(unit, mu1, mu2, mu3, mu4, mu5, mu6)

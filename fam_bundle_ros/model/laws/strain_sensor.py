@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of the displacement sensor."""
 
+from typing import Any
+
 from fam_bundle_ros.model.laws.base import law, Parameter
 
+_FAMILY: dict[str, Any] = {
+    'family': 'strain_sensor', 'changes': 'strain', 'leaves': ('smooth0', 'smooth1'),
+    'remedy': 'measure the rest length and the clamped ends with a calliper'}
 
-@law('sensor', changes='strain', family='strain_sensor', leaves=('smooth0', 'smooth1'),
-     remedy='measure the rest length and the clamped ends with a calliper',
-     off={'offset': 0.0}, look=('olive', 'dot'),
+
+@law('sensor', **_FAMILY, off={'offset': 0.0}, look=('olive', 'dot'),
      summary='displacement sensor with an offset, or error of the rest length',
      source='instrument error model; sizes 1-5 N and 1-6 % as seen on rigs',
      signature='the error has the shape of dF/de at every pressure',
@@ -17,9 +21,7 @@ def strain_sensor_offset(offset):
     return offset
 
 
-@law('sensor', changes='strain', family='strain_sensor', variant_of='strain_sensor_offset',
-     leaves=('smooth0', 'smooth1'), needs='length readings',
-     remedy='measure the rest length and the clamped ends with a calliper',
+@law('sensor', **_FAMILY, variant_of='strain_sensor_offset', needs='length readings',
      off={'excess': 0.0}, look=('olive', 'longdashdot'),
      summary='error of the rest length by which length readings were made strains',
      source='derived: e = 1 - l/L0 with the true L0',
