@@ -170,6 +170,7 @@ class Sensing:
         self._node.subscribe(topic, kind, take)
 
     def _read_strain(self, message: JointState) -> tuple[float, float]:
+        """Return strain and rate; a strain that moves faster than any muscle is no reading."""
         strain, rate = interface.read_strain(message, self._length)
         if not abs(rate) <= interface.FASTEST:
             if not math.isnan(rate):
@@ -177,6 +178,10 @@ class Sensing:
                                f'faster than any muscle ({interface.FASTEST:g} 1/s): wrong unit? '
                                'The strain is differentiated instead')
             rate = self._rate.update(interface.stamp_ns(message.header.stamp), strain)
+            if abs(rate) > interface.FASTEST:
+                self._node.say('fast', f'strain moves at {rate:.3g} 1/s by its readings, faster '
+                               f'than any muscle ({interface.FASTEST:g} 1/s): wrong unit? Not used')
+                strain = math.nan
         return strain, rate
 
     def _read_pressure(self, unit: int, message: FluidPressure) -> float:

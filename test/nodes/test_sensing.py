@@ -46,6 +46,24 @@ def test_a_velocity_that_no_muscle_has_is_as_good_as_none(graph, velocity):
     assert ('velocity' in node._said) == (velocity != [] and not math.isnan(velocity[0]))
 
 
+@pytest.mark.parametrize('velocity', [[], [100.0]])
+def test_a_strain_that_moves_faster_than_any_muscle_is_no_reading(graph, velocity):
+    """Percent for a ratio: near zero each reading is one that a muscle may have."""
+    node = graph.add(BundleNode('rig', (*sensing.SPECS, *LISTENER), context=graph.context))
+    heard = sensing.Sensing(node, 1, 0.1, lambda sample: None)
+
+    def strains(step):
+        for k in range(20):
+            message = JointState(name=['contraction'], position=[0.1 * step * k],
+                                 velocity=velocity)
+            message.header.stamp = interface.to_stamp(k * 10**7)
+            yield heard._read_strain(message)[0]
+    assert all(math.isfinite(strain) for strain in strains(0.9 * interface.FASTEST * 0.01))
+    assert 'fast' not in node._said
+    assert math.isnan(list(strains(3.0 * interface.FASTEST * 0.01))[-1])
+    assert 'fast' in node._said
+
+
 def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):
     """A second mistake is not hidden by the first; the same one with other numbers is."""
     mistakes = deque(['point 2 is 5 at 1e-3 s', 'point 3 is nan at 2 s', 'has no points'])
