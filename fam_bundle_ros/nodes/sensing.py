@@ -180,7 +180,7 @@ class Sensing:
             rate = self._rate.update(interface.stamp_ns(message.header.stamp), strain)
             if abs(rate) > interface.FASTEST:
                 self._node.say('fast', f'strain moves at {rate:.3g} 1/s by its readings, faster '
-                               f'than any muscle ({interface.FASTEST:g} 1/s): wrong unit? Not used')
+                               f'than any muscle ({interface.FASTEST:g} 1/s): wrong unit? Unused')
                 strain = math.nan
         return strain, rate
 
