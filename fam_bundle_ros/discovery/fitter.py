@@ -36,6 +36,8 @@ _SETTLED = 0.3
 
 #: Coordinates u (p,), and residual (n,) and slopes (n, p) at u.
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]
+#: Log evidence, point and hyperparameters.
+Found = tuple[float, Point, Hyper]
 
 
 @dataclass(frozen=True)
@@ -235,28 +237,37 @@ class Fitter:
                                   if axis not in axes})
 
     def fit(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
-            start: Mapping[str, float] | None = None, hyper: Hyper | None = None,
             log_prior: float = 0.0) -> Fit:
         """
-        Return the fit of a set of effects.
+        Return the fit of a set of effects, annealed from the start values of its priors.
+
+        It depends on the set alone: where a similar set is far off (geometry that stands in for a
+        missing bladder), a fit that starts there may end at a local optimum.
+        """
+        white, point, _ = self._annealed(model, priors, self._point(model, priors, {}), 12, _ROUGH)
+        found = self._climb(model, priors, point, self.first_hyper(), 2)
+        return self._finished(names, model, priors, found, white, log_prior)
+
+    def from_similar(self, fit: Fit, start: Mapping[str, float], hyper: Hyper) -> Fit:
+        """
+        Return the better of a fit and one that starts at that of a similar set.
 
         Parameters
         ----------
-        start : mapping of str to float, optional
-            Start values of u by key; by default those of the priors.
-        hyper : Hyper, optional
-            Of a similar set: a second start beside the small discrepancy after the annealing.
+        fit : Fit
+        start : mapping of str to float
+            Values of u by key; of other parameters those of the priors.
+        hyper : Hyper
+            Of the similar set.
         """
-        starts = start or {}
-        u = np.array([np.clip(starts.get(p.key, p.start), *p.limits) for p in priors])
-        first = (u, *self.linearised(model, priors, u))
-        white, point, _ = self._annealed(model, priors, first, 12, _ROUGH)
-        tries = [self._climb(model, priors, point, self.first_hyper(), 2)]
-        if hyper is not None:
-            tries.append(self._climb(model, priors, first, hyper, 99))
-        evidence, point, h = max(tries, key=lambda found: found[0])
-        return self._finished(names, model, priors, point[0], h, point[1], point[2], evidence,
-                              white, log_prior)
+        found = self._climb(fit.model, fit.priors, self._point(fit.model, fit.priors, start),
+                            hyper, 99)
+        return fit if found[0] <= fit.evidence else self._finished(
+            fit.names, fit.model, fit.priors, found, fit.white_evidence, fit.log_prior)
+
+    def _point(self, model: Bundle, priors: Sequence[Prior], start: Mapping[str, float]) -> Point:
+        u = np.array([np.clip(start.get(p.key, p.start), *p.limits) for p in priors])
+        return u, *self.linearised(model, priors, u)
 
     def without_discrepancy(self, fit: Fit) -> Fit:
         """
@@ -264,15 +275,13 @@ class Fitter:
 
         A discrepancy biases the physical parameters (Brynjarsdottir and O'Hagan 2014).
         """
-        value, (u, residual, slopes), h = self._annealed(
-            fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
-        return self._finished(fit.names, fit.model, fit.priors, u, h, residual, slopes, value,
-                              value, fit.log_prior)
+        found = self._annealed(fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
+        return self._finished(fit.names, fit.model, fit.priors, found, found[0], fit.log_prior)
 
     def _annealed(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
-                  tolerance: float = 0.05) -> tuple[float, Point, Hyper]:
+                  tolerance: float = 0.05) -> Found:
         """Fit without discrepancy: reduce the white misfit as long as the evidence grows."""
-        best: tuple[float, Point, Hyper] | None = None
+        best: Found | None = None
         for place in COOLING:
             h = Hyper(white=place)
             point = self.most_probable(model, priors, point[0], self.whitener(h), iterations,
@@ -285,8 +294,8 @@ class Fitter:
         return best
 
     def _finished(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
-                  u: np.ndarray, h: Hyper, residual: np.ndarray, slopes: np.ndarray,
-                  evidence: float, white: float, log_prior: float) -> Fit:
+                  found: Found, white: float, log_prior: float) -> Fit:
+        evidence, (u, residual, slopes), h = found
         whitened = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + whitened.T @ whitened)
         at = Linear.of(priors, u, residual, slopes)
@@ -295,9 +304,9 @@ class Fitter:
                    slopes, evidence, white, log_prior, promise, spread)
 
     def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
-               ) -> tuple[float, Point, Hyper]:
+               ) -> Found:
         """Fit parameters and hyperparameters alternately; return the best evidence."""
-        best: tuple[float, Point, Hyper] | None = None
+        best: Found | None = None
         for k in range(8):
             point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
                                        _ROUGH, point)

@@ -10,7 +10,7 @@ Then effects of the best set are removed, replaced and given other shapes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -107,9 +107,7 @@ class Search:
             elif depth > self.options.changes(best.names) + 1:
                 break
         self._around(_WHITE)
-        self.again(self.best.names)
         self._around(_WHOLE)
-        self.again(self.best.names)
         self._settle()
         return self
 
@@ -123,26 +121,20 @@ class Search:
         """The set of the highest posterior."""
         return max(self.fits.values(), key=lambda fit: fit.posterior)
 
-    def fit(self, names: Names, start: dict[str, float] | None = None,
+    def fit(self, names: Names, start: Mapping[str, float] | None = None,
             hyper: Hyper | None = None) -> Fit:
-        """Return the fit of a set; if it is new, fitted from the priors or the given start."""
+        """Return the fit of a set; a new one is also fitted from a similar set, if given."""
         if names not in self.fits:
-            self.fits[names] = self.fitter.fit(
-                names, self.options.bundle(names), self.options.priors(names), start, hyper,
-                self.options.log_prior(names))
+            self.fits[names] = self.fitter.fit(names, self.options.bundle(names),
+                                               self.options.priors(names),
+                                               self.options.log_prior(names))
+            if start is not None and hyper is not None:
+                self.again(names, start, hyper)
         return self.fits[names]
 
-    def again(self, names: Names, start: dict[str, float] | None = None,
-              hyper: Hyper | None = None) -> Fit:
-        """
-        Fit a set once more from its priors, or the given start; return the better fit.
-
-        The earlier fit started at that of a similar set, and may be a local optimum.
-        """
-        fresh = self.fitter.fit(names, self.options.bundle(names), self.options.priors(names),
-                                start, hyper, self.options.log_prior(names))
-        if names not in self.fits or fresh.posterior > self.fits[names].posterior:
-            self.fits[names] = fresh
+    def again(self, names: Names, start: Mapping[str, float], hyper: Hyper) -> Fit:
+        """Return the better of a set's fit and one that starts at a similar set."""
+        self.fits[names] = self.fitter.from_similar(self.fit(names), start, hyper)
         return self.fits[names]
 
     def _expand(self, node: Fit, wide: int) -> list[Fit]:
@@ -171,7 +163,6 @@ class Search:
             for names in self.options.reshaped(best.names):
                 if names not in self.fits:
                     self.fit(names, ranking.start(self.screen(best, names)), best.hyper)
-            # from the priors: geometry that compensates for a wrong shape hides the right one
             for names in self.options.reshaped_own(best.names):
                 self.fit(names)
             if max(self.fits.values(), key=ranking.of_fit) is best:

@@ -40,7 +40,7 @@ def test_where_a_fit_ends_does_not_depend_on_where_it_begins(repository):
     fits = [fitter.fit(names, options.bundle(names), priors)]
     for _ in range(3):
         start = {prior.key: float(np.clip(rng.normal(), *prior.limits)) for prior in priors}
-        fits.append(fitter.fit(names, options.bundle(names), priors, start, Hyper()))
+        fits.append(fitter.from_similar(fits[0], start, Hyper()))
     assert np.ptp([fit.evidence for fit in fits]) < 1.0
     whole = fitter.covariance.matrix(fits[0].hyper)
     worst = -0.5 * fits[0].residual @ np.linalg.solve(whole, fits[0].residual)
