@@ -78,8 +78,9 @@ def markdown(result: Mapping[str, Any]) -> str:
                   'force; the time-outs of sensors, setpoints and commands are 0.5 s here, for '
                   'busy machines. Detected after: a valve exhausts, or the supply is shut. '
                   'Enable: the final answer of the service; accepted is also unsafe while a '
-                  'pressure loop or the rig has ended. Pressures are those of healthy '
-                  'sensors.\n\n',
+                  'pressure loop or the rig has ended, and refused is right while the '
+                  'publishers of a killed node still count, for up to 20 s. Pressures are those '
+                  'of healthy sensors.\n\n',
                   _rows(PROCESS_HEAD, map(process_cells, result['processes']))]
     return ''.join(parts)
 
