@@ -47,6 +47,24 @@ def test_where_a_fit_ends_does_not_depend_on_where_it_begins(repository):
     assert fits[0].evidence < worst - 0.5 * np.linalg.slogdet(2.0 * np.pi * whole)[1]
 
 
+def test_a_set_gets_at_least_as_good_as_the_similar_set_it_starts_at(repository):
+    """DMSP-20: end caps hide the slack of the tendon from a fit that starts at the priors."""
+    folder = repository / 'config' / 'data'
+    model = load_model(folder / 'dmsp20_static_map.model.yaml')
+    cells = reduce(model, read_measurement(folder / 'dmsp20_static_map.csv'))
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options.of(model, cells, Choices())
+    fewer, more = (fitter.fit(names, options.bundle(names), options.priors(names))
+                   for names in (('mesh', 'saturating_sheath', 'tendon_slack'),
+                                 ('end_caps', 'mesh', 'saturating_sheath', 'tendon_slack')))
+    assert more.evidence < fewer.evidence
+    better = fitter.from_similar(more, fewer.start, fewer.hyper)
+    assert better.evidence > fewer.evidence
+    assert better.white_evidence == more.white_evidence
+    worse = fitter.from_similar(better, {}, Hyper(white=12))
+    assert worse is better
+
+
 def test_friction_in_proportion_to_the_pressure_ties_with_damping_at_one_speed(paper_muscle):
     """A constant part that neither has is free: its usual size is no reason for either."""
     clock, leg = 0.02 * np.arange(1200.0), np.repeat(np.arange(4), 300)
