@@ -18,7 +18,6 @@ from fam_bundle_ros import discovery
 from fam_bundle_ros.cli.demo import stories
 from fam_bundle_ros.model import dumps_model
 
-
 LIFT = """
 format: fam-bundle-trajectory/1
 name: up and down

@@ -60,7 +60,7 @@ def show(tab, view):
 
 #: The button to go on with in a view.
 STEPS = {'start': 'open-first', 'case': 'diagnose'}
-BOTTOM = "e => e.getBoundingClientRect().bottom + scrollY"
+BOTTOM = 'e => e.getBoundingClientRect().bottom + scrollY'
 
 
 # The narrow one is as high as a phone, whose width has the same rules.
