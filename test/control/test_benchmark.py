@@ -284,7 +284,7 @@ def test_unknown_names_fails(make, word):
         make()
 
 
-@pytest.mark.parametrize('plant', ['nominal', 'delay_15'])
+@pytest.mark.parametrize('plant', ['nominal', 'delay_5', 'delay_10', 'delay_15'])
 def test_a_load_is_not_driven_on_where_push_back_collapses(plant):
     """
     Four muscles fold at 5 % strain as the second unit is switched on, at 0.18/s.
