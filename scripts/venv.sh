@@ -112,6 +112,12 @@ fi
 
 python=$(find_python)
 version=$("$python" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])')
+# Before anything is removed or made.
+has_rclpy='import importlib.util, sys; sys.exit(importlib.util.find_spec("rclpy") is None)'
+if [ -n "${ROS_DISTRO:-}" ] && ! "$python" -c "$has_rclpy"; then
+    fail "ROS_DISTRO is $ROS_DISTRO but $python finds no rclpy:" \
+        "source /opt/ros/$ROS_DISTRO/setup.sh, or 'unset ROS_DISTRO' to use wheels"
+fi
 if [ -f "$stamp" ]; then
     say "$venv is damaged or was made from other pins: making it again"
 elif [ -f "$venv/pyvenv.cfg" ] || [ -f "$log" ] || [ -d "$venv/bin" ]; then
@@ -132,11 +138,6 @@ fi
     tail -n 3 "$log" >&2
     fail "$python could not make $venv: see the lines above, then run make again"
 }
-has_rclpy='import importlib.util, sys; sys.exit(importlib.util.find_spec("rclpy") is None)'
-if [ -n "$system" ] && ! "$venv/bin/python" -c "$has_rclpy" 2>>"$log"; then
-    fail "ROS_DISTRO is $ROS_DISTRO but $python finds no rclpy:" \
-        "source /opt/ros/$ROS_DISTRO/setup.sh, or 'unset ROS_DISTRO' to use wheels"
-fi
 
 pins >"$venv/pins.txt"
 say "installing $(grep -c == "$venv/pins.txt") pinned packages, up to two minutes (log: $log)"

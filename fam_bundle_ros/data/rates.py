@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import maximum_filter1d
-from scipy.stats import norm
+from scipy.special import ndtri
 
 _WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
 #: A time step longer than so many usual steps is a pause of the log.
@@ -262,7 +262,7 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     local = _locally(time, value, parts, half)
     noise = np.maximum(local.missed, max(noise, np.finfo(float).tiny))
     size = np.abs(local.bend) / (local.bend_sd * noise)
-    corner = (size > norm.isf(0.5 * FALSE_ALARM / len(time))) & (
+    corner = (size > -ndtri(0.5 * FALSE_ALARM / len(time))) & (
         size == maximum_filter1d(size, 2 * half + 1))
     if not corner.any():
         return local.value, local.slope

@@ -58,8 +58,16 @@ def campaign(lab):
     """Return a function that runs the lab's campaign into a folder of results."""
     def run(out, **options):
         return run_campaign(lab, lab / 'model.yaml', out, recipe=lab / 'recipe.yaml',
-                            specimens=lab / 'specimens.csv', **options)
+                            **{'specimens': lab / 'specimens.csv', **options})
     return run
+
+
+@pytest.fixture(scope='session')
+def three(lab):
+    """Return the options of a campaign of three recordings of the lab."""
+    table = lab / '.three.csv'  # a hidden file is no recording
+    table.write_text('\n'.join((lab / 'specimens.csv').read_text().splitlines()[:4]))
+    return {'specimens': table, 'pattern': 'm[0-2].csv'}
 
 
 @pytest.fixture(scope='session')

@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 
-import pandas
 import pytest
 from typer.testing import CliRunner
 
@@ -15,6 +14,7 @@ import fam_bundle_ros
 from fam_bundle_ros.campaign import pool, version
 from fam_bundle_ros.cli.app import app
 from fam_bundle_ros.errors import InputError
+from test.campaign.test_campaign import assert_same_of_three
 
 
 @pytest.fixture(scope='module')
@@ -26,8 +26,8 @@ def cluster():
         yield found
 
 
-def test_a_campaign_on_a_cluster_that_loses_a_worker_has_the_same_table(alone, campaign, cluster,
-                                                                        tmp_path):
+def test_a_campaign_on_a_cluster_that_loses_a_worker_has_the_same_table(
+        alone, campaign, three, cluster, tmp_path):
     """SIGKILL of one of two workers in the middle; what it was at is done again."""
     killed = []
 
@@ -35,13 +35,11 @@ def test_a_campaign_on_a_cluster_that_loses_a_worker_has_the_same_table(alone, c
         if not killed:
             killed.append(next(iter(cluster.workers.values())).process.pid)
             os.kill(killed[0], signal.SIGKILL)
-    found = campaign(tmp_path / 'out', scheduler=cluster.scheduler_address, progress=kill_one)
+    found = campaign(tmp_path / 'out', scheduler=cluster.scheduler_address, progress=kill_one,
+                     **three)
     assert killed
-    assert found.computed == 7
-    for name in ('recordings', 'effects', 'parameters'):
-        here, there = (pandas.read_parquet(out / f'{name}.parquet').drop(
-            columns='seconds', errors='ignore') for out in (alone[1], tmp_path / 'out'))
-        pandas.testing.assert_frame_equal(here, there, rtol=1e-6)
+    assert found.computed == 3
+    assert_same_of_three(tmp_path / 'out', alone[1])
 
 
 def test_workers_with_other_code_are_refused(cluster, monkeypatch):

@@ -75,7 +75,7 @@ def test_ramp_goes_through_all_states_and_back(bundles, units, policy):
     assert sorted({c.state for c in up}) == list(range(1, units + 1))
     assert np.all(switches(up) >= 0)
     assert bench.bundle.force(0.12, bench.pressure) == pytest.approx(top, abs=0.3)
-    down = bench.ramp(top, 2.0, 40.0) + bench.hold(2.0, units)
+    down = bench.ramp(top, 2.0, 80.0) + bench.hold(2.0, units)
     assert np.all(switches(down) <= 0)
     assert down[-1].state == 1
 
@@ -172,9 +172,9 @@ def test_every_climb_is_like_the_first(bundles, units):
     bench = Bench(bundles[units], 0.12, outer=OPEN)
     top, climbs = bench.curves.top[-1] - 2.0, []
     for _ in range(2):
-        up = bench.ramp(2.0, top, 40.0)
+        up = bench.ramp(2.0, top, 80.0)
         climbs.append([up[i].demand for i in np.flatnonzero(switches(up))])
-        bench.ramp(top, 2.0, 80.0)
+        bench.ramp(top, 2.0, 160.0)
         bench.hold(2.0, 0.9 * units)
     assert len(climbs[0]) >= units - 1
     # The first is from RS0, the second from RS1.
@@ -429,13 +429,13 @@ def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):
     assert min(errors) < -0.5
 
 
-@pytest.mark.parametrize(('noise', 'share'), [(0.9, 0.5), (1.8, 0.0), (1.8, 0.9), (1.8, 1.0)])
-def test_no_chatter_while_dwelling_in_the_overlap(paper_bundle, noise, share):
-    """Anywhere in the overlap, with sensor noise single and doubled: at most one switch."""
-    bench = Bench(paper_bundle, 0.16, noise=noise, seed=3)
+@pytest.mark.parametrize('share', [0.0, 0.9, 1.0])
+def test_no_chatter_while_dwelling_in_the_overlap(paper_bundle, share):
+    """Anywhere in the overlap, with twice the noise of the sensor: at most one switch."""
+    bench = Bench(paper_bundle, 0.16, noise=1.8, seed=3)
     level = bench.curves.crossing[1] + share * (bench.curves.top[1] - bench.curves.crossing[1])
     bench.hold(0.5 * level, 0.5)
-    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 20.0)
+    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 10.0)
     assert np.count_nonzero(switches(commands)) <= 1
 
 
@@ -444,7 +444,7 @@ def test_neglect_chatters_where_reversal_aware_does_not(paper_bundle):
     bench = Bench(paper_bundle, 0.16, noise=0.9, seed=3, policy='neglect')
     level = bench.curves.top[1]
     bench.hold(0.5 * level, 0.5)
-    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 20.0)
+    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 10.0)
     assert np.count_nonzero(switches(commands)) > 5
 
 
@@ -461,8 +461,8 @@ def test_a_demand_that_stops_inside_the_overlap_stays_in_the_cheaper_state(paper
     assert command.saturated == ''
 
 
-@pytest.mark.parametrize('room', [0.06, 0.1, 0.2, 1.0])
-@pytest.mark.parametrize('duration', [0.8, 1.5, 3.0])
+@pytest.mark.parametrize('room', [0.06, 1.0])
+@pytest.mark.parametrize('duration', [0.8, 3.0])
 def test_a_demand_that_eases_to_rest_below_the_limit_recruits_nothing(
         paper_bundle, duration, room):
     """Where it slows down is seen: from 20 N on half a cosine, to within 1 N of the limit."""

@@ -227,12 +227,22 @@ def test_enable_names_what_speaks_against_it(graph, rig):
     assert set(rig.leaves) == {False}
 
 
+def until_there(found):
+    """Wait until another process is found."""
+    end = time.monotonic() + 60.0
+    while not found():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
 def test_a_pressure_loop_that_dies_or_stops_vents_all(graph, rig, number, start):
     """The other motor unit is not loaded in its place, and its return brings no pressure."""
     process = start('pressure_pid', '--ros-args', '--params-file', str(config_path('rig.yaml')),
                     '-r', '__node:=pressure_pid_mu1', '-p', 'max_latency:=1.0')
     try:
+        # without a turn for the nodes of this process: they begin together, with the rig
+        until_there(lambda: graph.probe.publisher_count('mu1/valve_command') == 1)
         # on a machine that does other things neither process has to answer within 0.1 s
         rig = rig(sine, pids=(2,), enable=False, latency=1.0)
         graph.until(lambda: rig.commands[0][1], 'a command for mu1')

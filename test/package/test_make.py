@@ -128,6 +128,7 @@ def test_ros_distro_without_ros_fails(tree):
     status, lines = make_install(tree, ROS_DISTRO='jazzy')
     assert status != 0
     assert 'finds no rclpy: source /opt/ros/jazzy/setup.sh' in lines[-1]
+    assert not (tree / '.venv').exists()
 
 
 def test_a_complete_venv_is_left_alone(repository):

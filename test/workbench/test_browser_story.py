@@ -14,9 +14,11 @@ import pytest
 
 from fam_bundle_ros.model import loads_model
 from fam_bundle_ros.resources import config_path
+from test.workbench.conftest import Watched
 
 CSV = config_path('data/examples/hidden_friction.csv')
 MODEL = config_path('data/examples/hidden_friction.model.yaml')
+FORMULA = '-k * tanh(strain_rate / v)'
 #: The muscle of the example, as it is typed: a bare number is in the unit of its field.
 MUSCLE = {'radius': '6.35', 'length': '127 mm', 'braid_angle': '33 deg',
           'wall_thickness': '1,59 mm', 'max_pressure': '413.7 kPa'}
@@ -176,20 +178,65 @@ def test_every_figure_is_drawn_and_a_region_zooms_it(watched):
     tab.drawn()
 
 
-def test_curves_move_from_the_old_model_to_the_new_and_back(watched):
-    """Between the old and the new place a curve is somewhere in between, or jumps if asked to."""
-    shapes = {}
-    tab = watched(reduced_motion='no-preference')
-    page = tab.open()
+@pytest.fixture(scope='module')
+def example(chromium, server):
+    """Yield a watched tab in which the example is open, and what changes moves."""
+    tab = Watched(chromium, server, reduced_motion='no-preference')
+    tab.open()
     tab.click('open-first')
     tab.drawn()
-    tab.click('write-own')
-    page.fill('[data-mark="own-formula"]', '-k * tanh(strain_rate / v)')
+    yield tab
+    tab.close()
+
+
+@pytest.fixture(scope='module')
+def typed(example):
+    """Return the tab after a formula, its name and its values were typed key by key."""
+    page = example.page
+    example.click('write-own')
     # the new name first: its field is there once all have been drawn anew
-    page.fill('[data-mark="own:v:value"]', '0.002 1/s')
-    page.fill('[data-mark="own:k:value"]', '6 N')
-    page.wait_for_selector('text=A refit will find better values')
+    for mark, text in (('own-formula', FORMULA), ('own-name', 'my_rub'),
+                       ('own:v:value', '0.002 1/s'), ('own:k:value', '6 N')):
+        page.click(f'[data-mark="{mark}"]')
+        page.keyboard.press('Control+A')
+        page.keyboard.type(text, delay=15)
+        if mark == 'own-formula':
+            page.wait_for_selector('[data-mark="own:v:value"]')
+    page.wait_for_selector('text=less than the present 6.6 N')
+    return example
+
+
+def test_a_hover_names_its_row_and_long_work_says_so(example):
+    """The label names the row of the file; what takes long shows it, and can be ended."""
+    page = example.page
+    page.wait_for_timeout(600)
+    place = page.locator('.plot .points path.point').nth(40).bounding_box()
+    page.mouse.move(place['x'] + place['width'] / 2, place['y'] + place['height'] / 2)
+    page.wait_for_selector('.hoverlayer >> text=/row \\d+/')
+    example.click('diagnose')
+    page.wait_for_selector('.busy', state='attached')
+    example.click('cancel')
+    page.wait_for_selector('.busy', state='detached')
+
+
+def test_a_formula_is_typed_key_by_key(typed):
+    """Formula, name, values with units stay as they are typed, and the error is predicted."""
+    page = typed.page
+    assert page.input_value('[data-mark="own-formula"]') == FORMULA
+    assert page.input_value('[data-mark="own-name"]') == 'my_rub'
+    assert page.input_value('[data-mark="own:k:value"]') == '6 N'
+    page.wait_for_selector('.sheet .trace')
+
+
+def test_curves_move_from_the_old_model_to_the_new_and_back(typed):
+    """Between the old and the new place a curve is somewhere in between, or jumps if asked to."""
+    page, shapes = typed.page, {}
     for motion, mark in (('no-preference', 'own-add'), ('reduce', 'undo')):
+        if motion == 'reduce':
+            # back again in a browser that wants nothing to move: the tab keeps its work
+            page.emulate_media(reduced_motion='reduce')
+            page.reload()
+            typed.drawn()
         # Ten times slower: a busy machine that drops frames must not drop all of them.
         page.evaluate("""() => {
             const react = Plotly.react;
@@ -206,50 +253,9 @@ def test_curves_move_from_the_old_model_to_the_new_and_back(watched):
             };
             look();
         }""")
-        tab.click(mark)
+        typed.click(mark)
         page.wait_for_function('window.shapes.size > 1')
         page.wait_for_timeout(1500)
         shapes[motion] = page.evaluate('window.shapes.size')
-        # back again in a browser that wants nothing to move: the tab keeps its work
-        page.emulate_media(reduced_motion='reduce')
-        page.reload()
-        tab.drawn()
     assert shapes['no-preference'] > 2
     assert shapes['reduce'] == 2
-
-
-def test_a_hover_names_its_row_and_long_work_says_so(watched):
-    """The label names the row of the file; what takes long shows it, and can be ended."""
-    tab = watched()
-    page = tab.open()
-    tab.click('open-first')
-    tab.drawn()
-    page.wait_for_timeout(600)
-    place = page.locator('.plot .points path.point').nth(40).bounding_box()
-    page.mouse.move(place['x'] + place['width'] / 2, place['y'] + place['height'] / 2)
-    page.wait_for_selector('.hoverlayer >> text=/row \\d+/')
-    tab.click('diagnose')
-    page.wait_for_selector('.busy', state='attached')
-    tab.click('cancel')
-    page.wait_for_selector('.busy', state='detached')
-
-
-def test_a_formula_is_typed_key_by_key(watched):
-    """Formula, name, values with units stay as they are typed, and the error is predicted."""
-    tab = watched()
-    page = tab.open()
-    tab.click('open-first')
-    tab.drawn()
-    tab.click('write-own')
-    for mark, typed in (('own-formula', '-k * tanh(strain_rate / v)'), ('own-name', 'my_rub'),
-                        ('own:v:value', '0.002 1/s'), ('own:k:value', '6 N')):
-        page.click(f'[data-mark="{mark}"]')
-        page.keyboard.press('Control+A')
-        page.keyboard.type(typed, delay=15)
-        if mark == 'own-formula':
-            page.wait_for_selector('[data-mark="own:v:value"]')
-    page.wait_for_selector('text=less than the present 6.6 N')
-    assert page.input_value('[data-mark="own-formula"]') == '-k * tanh(strain_rate / v)'
-    assert page.input_value('[data-mark="own:k:value"]') == '6 N'
-    page.wait_for_selector('.sheet .trace')
-    tab.click('own-cancel')
