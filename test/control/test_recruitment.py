@@ -511,6 +511,26 @@ def test_uncertainty_widens_the_margin(paper_bundle):
         assert machine.state == state
 
 
+@pytest.mark.parametrize(('policy', 'wide'), [('reversal_aware', 0.5), ('hysteresis', 0.5),
+                                              ('hysteresis', 2.0)])
+def test_a_demand_that_comes_and_goes_switches_only_past_both_levels(paper_bundle, policy, wide):
+    """Recruits past limit and margin, releases past margin and band below crossing or limit."""
+    curves = Allocator(paper_bundle).curves(Instant(0.16))
+    dip = curves.dip[curves.order[1]]
+    margin, band = 1.0, wide * dip
+    released = (curves.crossing[1] - margin - band if policy == 'reversal_aware' else
+                curves.top[1] - margin - max(band, dip))
+    machine = RecruitmentMachine(2, SwitchingConfig(policy=policy, margin=margin, hysteresis=band))
+    machine.reset(1)
+    states = []
+    for demand in (curves.top[1] + margin - 0.1, curves.top[1] + margin + 0.1, released + 0.1,
+                   curves.top[1] + margin + 0.1, released - 0.1):
+        for _ in range(int(3.0 / DT)):
+            machine.update(DT, curves, Demand(demand))
+        states.append(machine.state)
+    assert states == [1, 2, 2, 2, 1]
+
+
 def test_margins_widen_with_the_bias_that_was_found(paper_bundle):
     """A plant that is 20 % weaker than the model leaves the controller less sure."""
     sure, unsure = Bench(paper_bundle, 0.16), Bench(paper_bundle, 0.16)
