@@ -143,11 +143,14 @@ def test_what_feedback_takes_away_is_no_demand_that_turned_back(made):
     assert 'turned back before it was needed' in machine.tell(232.0, -100.0, feedback=1.0)[1]
 
 
-def test_a_demand_that_stops_where_it_was_recruited_for_releases_nothing(made):
-    """Recruited ahead of need at 240 N, the unit stays while the demand rests at 240 N."""
-    machine = Machine(made(), 1)
-    machine.tell(240.0, 100.0)
-    assert machine.tell(240.0, duration=5.0)[1] == ''
+@pytest.mark.parametrize(('rests', 'released'), [(240.0, False), (237.1, False), (236.9, True)])
+def test_a_demand_that_stops_where_it_was_recruited_for_releases_nothing(made, rests, released):
+    """Recruited at 240 N and 100 N/s: less its lead of 10 ms and the band of 2 N is 237 N."""
+    machine = Machine(made(), 0)
+    assert machine.tell(1.0)[1]
+    assert machine.machine.state == 1
+    assert machine.tell(240.0, 100.0)[1]
+    assert bool(machine.tell(rests, duration=5.0)[1]) == released
 
 
 def test_at_rest_below_the_overlap_a_unit_is_released_in_time(made):
