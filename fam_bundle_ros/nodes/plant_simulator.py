@@ -202,6 +202,10 @@ class PlantSimulator(BundleNode):
         command = interface.read_valve(message, unit + 1)
         stamp = interface.stamp_ns(message.header.stamp)
         if self.lock_step:
+            # What was sent on supply_enable before this node was discovered is lost, and the run
+            # would begin with the supply shut. It comes again with the next answer.
+            if self.p['obey_supply_enable'] and not self._permission.heard:
+                return
             # Late answers to a sample that was sent twice are ignored.
             if stamp == self._stamp and self._gate.put(self._channels[unit], stamp, command):
                 self._step(self._gate_commands())

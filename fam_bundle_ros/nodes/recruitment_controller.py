@@ -153,6 +153,8 @@ class RecruitmentNode(BundleNode):
             if reference := sample.extra.get('reference'):
                 self._reference.take(reference, self._now())
             self._decide(sample, dt)
+        if self.lock_step:
+            self._supply.repeat()
         self._publish(sample.stamp)
 
     def _decide(self, sample: Sample, dt: float) -> None:

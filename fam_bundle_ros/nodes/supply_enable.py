@@ -4,8 +4,8 @@
 Permission to open the supply: how it is sent and how it is received.
 
 The recruitment controller publishes on ``supply_enable`` whether the supply may be open: at every
-change, and 10 times a second, so that silence withdraws the permission. For the driver's side see
-docs/how_to/driver.md.
+change, and 10 times a second (in lock-step with each answer), so that silence withdraws the
+permission. For the driver's side see docs/how_to/driver.md.
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ class SupplyEnable:
         self._timeout = math.inf if node.lock_step else timeout
         self._say(False)
         if not node.lock_step:
-            node.every(PERIOD, self._beat)
+            node.every(PERIOD, self.repeat)
             node.subscribe(interface.SUPPLY_ENABLE, Bool, self._hear, interface.RELIABLE)
 
     def _hear(self, message: Bool) -> None:
@@ -64,7 +64,8 @@ class SupplyEnable:
         if not self._lapsed() and value != self.value:
             self._say(value)
 
-    def _beat(self) -> None:
+    def repeat(self) -> None:
+        """Publish the value again; in lock-step with each answer, in wall time by a timer."""
         if not self._lapsed():
             self._say(self.value)
 

@@ -71,6 +71,18 @@ def test_ramp_goes_up_and_down_the_states_without_chatter(graph, bundle):
     assert np.sqrt(np.mean(np.square(error))) < 1.0
 
 
+def test_every_answer_in_lock_step_repeats_supply_enable(graph, bundle):
+    """No timer repeats it there: who came late would never hear it."""
+    rig, _ = bundle()
+    graph.advance(rig, 0.1)
+    heard = graph.listen('supply_enable', Bool, interface.RELIABLE)
+    graph.advance(rig, lambda: heard, 'supply_enable')
+    count, steps = len(heard), len(graph.pacer.log)
+    graph.advance(rig, 0.1)
+    assert all(message.data for message in heard)
+    assert len(heard) - count >= len(graph.pacer.log) - steps - 2
+
+
 def test_dwell_inside_the_overlap_does_not_chatter(graph, bundle):
     """A demand that both states can give, with noise, is held in one of them."""
     rig, _ = bundle(hold(79.0))

@@ -87,6 +87,16 @@ def test_lock_step_waits_for_every_command(graph, bare):
     assert rig.rig.readings.time == pytest.approx(0.005)
 
 
+def test_lock_step_begins_only_once_supply_enable_was_heard(graph, quiet):
+    """What a controller sent before it knew the simulator is lost; the supply would stay shut."""
+    rig = graph.add(PlantSimulator(context=graph.context, overrides={**quiet, 'lock_step': True}))
+    drive(graph, 2, lambda unit, t: 0.0)
+    graph.spin(0.5)
+    assert rig.rig.readings.time == 0.0
+    graph.enable_supply(rig, True)
+    graph.until(lambda: rig.rig.readings.time > 0.0, 'the first step')
+
+
 def test_lock_step_is_the_clock(graph, rig):
     """/clock carries the stamp of each sample, so that use_sim_time works for everyone."""
     clock = graph.listen('/clock', Clock)
