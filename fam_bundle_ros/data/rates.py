@@ -24,6 +24,8 @@ _SMOOTHED = (5, 9, 17, 33)
 FALSE_ALARM = 0.001
 #: Probability that two samples of one distribution are taken for different ones.
 BY_CHANCE = 0.01
+#: Changes from sample to sample below which a signal's steps are not those of its reading.
+_CHANGES = 16
 #: Rows that are fitted at a time.
 _BLOCK = 20_000
 #: Slower motion than this share of the fast motion (90th percentile) counts as rest.
@@ -161,8 +163,10 @@ def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
     third = np.diff(value, 3)[trial[3:] == trial[:-3]]
     if len(third) < 4:
         return 0.0
-    levels = np.diff(np.unique(value))
-    return spread(third, float(levels.min()) if len(levels) else 0.0) / np.sqrt(20.0)
+    changed = np.abs(third[np.abs(third) > 1e-9 * max(float(np.ptp(value)), 1e-12)])
+    # few changes are levels that were set one after another, and no steps of a reading
+    quantum = float(changed.min()) if len(changed) > 3 * _CHANGES else 0.0
+    return spread(third, quantum) / np.sqrt(20.0)
 
 
 def _is_held(value: np.ndarray, noise: float) -> bool:
@@ -260,7 +264,8 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     a slope within the window of a corner that is not beyond the error of its change.
     """
     local = _locally(time, value, parts, half)
-    noise = np.maximum(local.missed, max(noise, np.finfo(float).tiny))
+    rounding = np.finfo(float).eps * float(np.abs(value).max())
+    noise = np.maximum(local.missed, max(noise, rounding, np.finfo(float).tiny))
     size = np.abs(local.bend) / (local.bend_sd * noise)
     corner = (size > -ndtri(0.5 * FALSE_ALARM / len(time))) & (
         size == maximum_filter1d(size, 2 * half + 1))
@@ -299,7 +304,7 @@ def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
     every = np.abs(np.diff(value))[np.diff(trial) == 0]
     moved = every > 1e-9 * max(float(np.ptp(value)), 1e-12)
     change = every[moved]
-    if len(change) < 16:
+    if len(change) < _CHANGES:
         return 0.0
     step = float(change.min())
     share = change / step

@@ -228,3 +228,14 @@ def test_a_turning_point_is_a_short_rest_between_opposite_motions(moving, turns)
     """A window of three rows: a longer rest is a hold; and one between trials is none."""
     assert turning(np.array(moving), np.zeros(len(moving), int), 3).tolist() == turns
     assert not turning(np.array(moving), np.arange(len(moving)), 3).any()
+
+
+def test_commanded_levels_and_ramps_are_not_smoothed():
+    """Isometric log in one trial: ramps in steps of 9.18 kPa, told to 10 Pa; six lengths."""
+    ramp = np.concatenate([np.linspace(0.0, 450e3, 50), np.linspace(450e3, 0.0, 50)])
+    pressure = np.tile(ramp.round(-1), 6)
+    strain = np.repeat(np.linspace(0.0, 0.2, 6), 100)
+    time = 0.1 * np.tile(np.arange(100), 6) + np.repeat(20.0 * np.arange(6), 100)
+    trial = np.zeros(600, int)
+    assert_allclose(smooth(time, pressure, trial), pressure, atol=10.0)
+    assert_allclose(smooth(time, strain, trial), strain, atol=1e-12)
