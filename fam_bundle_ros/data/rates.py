@@ -115,10 +115,15 @@ def begins(*labels: np.ndarray) -> np.ndarray:
 
 
 def usual_step(time: np.ndarray, trial: np.ndarray) -> float:
-    """Return the median time between rows, s, over many rows each: they may come in packets."""
+    """
+    Return the usual time between rows, s.
+
+    The lower quartile over many rows each: rows may come in packets, and half of the stretches may
+    hold a pause of the log.
+    """
     count = int(np.clip(np.median(np.bincount(trial - trial.min())) // 2, 1, _WINDOWS[-1]))
     steps = (time[count:] - time[:-count])[trial[count:] == trial[:-count]] / count
-    return float(np.median(steps)) if len(steps) else 1.0
+    return float(np.percentile(steps, 25)) if len(steps) else 1.0
 
 
 def _parts(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:
@@ -163,10 +168,15 @@ def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
     third = np.diff(value, 3)[trial[3:] == trial[:-3]]
     if len(third) < 4:
         return 0.0
-    changed = np.abs(third[np.abs(third) > 1e-9 * max(float(np.ptp(value)), 1e-12)])
-    # few changes are levels that were set one after another, and no steps of a reading
+    changed = np.abs(third[_beyond_rounding(third, value)])
+    # few changes, of three differences each, are levels that were set one after another
     quantum = float(changed.min()) if len(changed) > 3 * _CHANGES else 0.0
     return spread(third, quantum) / np.sqrt(20.0)
+
+
+def _beyond_rounding(difference: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Return which differences of a signal are not those of its last digits, bool."""
+    return np.abs(difference) > 1e-9 * max(float(np.ptp(value)), 1e-12)
 
 
 def _is_held(value: np.ndarray, noise: float) -> bool:
@@ -302,7 +312,7 @@ def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
     change of an even ramp: but for its ends, its samples neither stay nor skip a step.
     """
     every = np.abs(np.diff(value))[np.diff(trial) == 0]
-    moved = every > 1e-9 * max(float(np.ptp(value)), 1e-12)
+    moved = _beyond_rounding(every, value)
     change = every[moved]
     if len(change) < _CHANGES:
         return 0.0

@@ -28,26 +28,24 @@ _STARTS = 1.2
 
 
 class Screened(NamedTuple):
-    """A set that was only linearised: log posterior with and without discrepancy, and starts."""
+    """A set that was only linearised: start, log posterior with and without a discrepancy."""
 
     names: Names
-    value: float
     start: dict[str, float]
+    value: float
     white: float
-    white_start: dict[str, float]
 
 
 class _Ranking(NamedTuple):
-    """How sets are ranked: log posterior of a fitted and of a screened set, and its start."""
+    """How sets are ranked: log posterior of a fitted and of a screened set."""
 
     of_fit: Callable[[Fit], float]
     of_screened: Callable[[Screened], float]
-    start: Callable[[Screened], dict[str, float]]
 
 
 #: With the discrepancy, and without it.
-_WHOLE = _Ranking(lambda fit: fit.posterior, lambda s: s.value, lambda s: s.start)
-_WHITE = _Ranking(lambda fit: fit.white_posterior, lambda s: s.white, lambda s: s.white_start)
+_WHOLE = _Ranking(lambda fit: fit.posterior, lambda s: s.value)
+_WHITE = _Ranking(lambda fit: fit.white_posterior, lambda s: s.white)
 
 
 def _ranked(sets: Iterable[Any], value: Callable[[Any], float]) -> list:
@@ -143,10 +141,9 @@ class Search:
         known = [self.fits[names] for names in further if names in self.fits]
         screened = [self.screen(node, names) for names in further if names not in self.fits]
         count = wide * settings.FITTED
-        by_value = _ranked(screened, _WHOLE.of_screened)[:count]
-        by_white = _ranked(screened, _WHITE.of_screened)[:count]
-        return [*known, *(self.fit(s.names, s.start, node.hyper) for s in by_value),
-                *(self.fit(s.names, s.white_start, node.hyper) for s in by_white)]
+        promising = [s for ranking in (_WHOLE, _WHITE)
+                     for s in _ranked(screened, ranking.of_screened)[:count]]
+        return [*known, *(self.fit(s.names, s.start, node.hyper) for s in promising)]
 
     def _around(self, ranking: _Ranking) -> None:
         """Remove, replace and reshape effects of the best set until it does not improve."""
@@ -159,10 +156,10 @@ class Search:
                 swaps = [self.screen(fewer, other) for other in self.options.further(names)
                          if other not in self.fits]
                 for s in _ranked(swaps, ranking.of_screened)[:settings.BEAM]:
-                    self.fit(s.names, ranking.start(s), best.hyper)
+                    self.fit(s.names, s.start, best.hyper)
             for names in self.options.reshaped(best.names):
                 if names not in self.fits:
-                    self.fit(names, ranking.start(self.screen(best, names)), best.hyper)
+                    self.fit(names, self.screen(best, names).start, best.hyper)
             for names in self.options.reshaped_own(best.names):
                 self.fit(names)
             if max(self.fits.values(), key=ranking.of_fit) is best:
@@ -201,19 +198,16 @@ class Search:
                 if getattr(node.hyper, axis) > 1}))
         kept = {p.key: node.slopes[:, k] for k, p in enumerate(node.priors)}
         bundle, log_prior = self.options.bundle(names), self.options.log_prior(names)
-        best = (-np.inf, first)
-        white = (-np.inf, first)
+        best, white = (-np.inf, first), -np.inf
         for u in starts[:7]:
             at = Linear.of(priors, u, *self.fitter.linearised(bundle, priors, u, kept))
             for h in hypers:
                 value = log_evidence(self.fitter.covariance, h, at)
                 best = max(best, (value, u), key=lambda pair: pair[0])
             for place in COOLING:
-                value = log_evidence(self.fitter.covariance, Hyper(white=place), at)
-                white = max(white, (value, u), key=lambda pair: pair[0])
-        keys = [p.key for p in priors]
-        return Screened(names, best[0] + log_prior, dict(zip(keys, best[1])),
-                        white[0] + log_prior, dict(zip(keys, white[1])))
+                white = max(white, log_evidence(self.fitter.covariance, Hyper(white=place), at))
+        return Screened(names, dict(zip((p.key for p in priors), best[1])), best[0] + log_prior,
+                        white + log_prior)
 
     def _tell(self, step: int) -> None:
         if self.progress:

@@ -251,7 +251,7 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     for signal, words, unit in names:
         for steps in (4, 16, 64, 256, 1024):
             slow_part = _lagged(signal, data.start, steps)
-            add(slow_part - signal, f'decays over {steps * usual:.2g} s after {words} changes',
+            add(slow_part - signal, f'decays over {steps * usual:.3g} s after {words} changes',
                 unit, makers('decay'), None, 'decay', 1)
     _add_hum(add, cells, residual, time if continuing else own)
     count = len(data.trial_names)

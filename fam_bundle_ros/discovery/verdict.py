@@ -321,8 +321,9 @@ def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
     slow, fast = np.percentile(pressure_speed(data)[filled], (10, 90)) / 1e3
     if slow <= 0.0 or np.log(fast / slow) > settings.SPEED_LENGTH:
         return []
-    return [f'the pressure changes at {slow:.2g} to {fast:.2g} kPa/s only, where lag, creep and '
-            f'friction look alike ({", ".join(named)}): fill and vent at another rate too']
+    rates = ' to '.join(dict.fromkeys(f'{rate:.3g}' for rate in (slow, fast)))
+    return [f'the pressure changes at {rates} kPa/s only, where lag, creep and friction look '
+            f'alike ({", ".join(named)}): fill and vent at another rate too']
 
 
 def _is_off(prior: Prior, u: float) -> bool:

@@ -126,8 +126,9 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
         tie = ties[0] if ties else (least_sure.label, '')
         rival = _rival(posterior, tie, chosen)
         if rival is not None:
+            own = _labels(posterior, chosen)
             other = tie[1] or next((label for label in _labels(posterior, rival)
-                                    if label != tie[0]), 'the model without it')
+                                    if label not in own), 'the model without it')
             best, _ = best_experiment(fitter, chosen, rival)
             if best is None and ties:
                 return Next(f'no force test of the menu separates {tie[0]} from {other}; '

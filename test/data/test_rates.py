@@ -82,12 +82,14 @@ def test_a_run_begins_where_any_label_changes():
 
 
 def test_the_usual_step_is_that_of_the_sampling():
-    """Of an even log, of one in packets of four rows, of trials with a day between them."""
+    """Of an even log, of packets of four rows; a day lies between trials, 10 s between levels."""
     trial = np.repeat([4, 5], 60)
     even = 0.1 * np.arange(120) + 86400.0 * (trial == 5)
     assert usual_step(even, trial) == pytest.approx(0.1)
     packets = 0.4 * (np.arange(120) // 4) + 1e-4 * (np.arange(120) % 4)
     assert usual_step(packets, np.zeros(120, int)) == pytest.approx(0.1, rel=0.1)
+    levels = 0.1 * np.arange(600) + 10.0 * (np.arange(600) // 100)
+    assert usual_step(levels, np.zeros(600, int)) == pytest.approx(0.1)
     assert usual_step(np.array([0.0, 9.0]), np.array([0, 1])) == 1.0
     assert usual_step(np.array([0.0, 9.0]), np.array([0, 0])) == 9.0
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.data.protocol import Protocol, Sweep
 from fam_bundle_ros.discovery import words
+from fam_bundle_ros.discovery.experiment import Experiment
 from fam_bundle_ros.discovery.posterior import Change
 from fam_bundle_ros.discovery.verdict import Finding, Left
 from fam_bundle_ros.discovery.words import (
@@ -77,6 +79,24 @@ def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatc
                           [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), (),
                           BASE)
     assert asked == ['end_caps']
+
+
+@pytest.mark.parametrize(('labels', 'other'), [
+    (['end_caps', 'pressure_creep'], 'pressure_creep'), (['end_caps'], 'the model without it')])
+def test_an_experiment_is_told_by_what_the_answer_has_not(monkeypatch, labels, other):
+    """The rival set has end caps too: they are no alternative to the lag."""
+    chosen, rival = (SimpleNamespace(names=names) for names in (
+        ['pressure_line_lag', 'end_caps'], labels))
+    monkeypatch.setattr(words, '_labels', lambda posterior, fit: fit.names)
+    sweep = Sweep((0.05, 0.15), 0.1, ((100e3,),))
+    best = Experiment(Protocol('sweep', 1, (sweep,)), 400.0)
+    monkeypatch.setattr(words, 'best_experiment', lambda *fits: (best, [best]))
+    posterior = SimpleNamespace(fits=(chosen, rival), of_label=lambda label: 0.9)
+    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
+    told = next_experiment(fitter, posterior, Finding('missing_effect', Left(3.1, 0.2),
+                                                      Left(0.0, 0.2), 0.8),
+                           [Change('', 'pressure_line_lag')], chosen, (), (), BASE)
+    assert told.words == f'sweep: separates pressure_line_lag from {other} (by 20 noise sd)'
 
 
 def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatch):
