@@ -118,12 +118,18 @@ def usual_step(time: np.ndarray, trial: np.ndarray) -> float:
     """
     Return the usual time between rows, s.
 
-    The lower quartile over many rows each: rows may come in packets, and half of the stretches may
-    hold a pause of the log.
+    The median over many rows each, as rows may come in packets, but not over those with a pause:
+    one in every hundred rows would be in most of them.
     """
     count = int(np.clip(np.median(np.bincount(trial - trial.min())) // 2, 1, _WINDOWS[-1]))
-    steps = (time[count:] - time[:-count])[trial[count:] == trial[:-count]] / count
-    return float(np.percentile(steps, 25)) if len(steps) else 1.0
+    steps = (time[count:] - time[:-count]) / count
+    whole = trial[count:] == trial[:-count]
+    if not whole.any():
+        return 1.0
+    pause = np.diff(time, prepend=time[0]) > PAUSE_STEPS * np.percentile(steps[whole], 25)
+    pauses = np.cumsum(pause)
+    without = whole & (pauses[count:] == pauses[:-count])
+    return float(np.median(steps[without if without.any() else whole]))
 
 
 def _parts(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:

@@ -67,7 +67,9 @@ def empirical(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray, weigh
         return np.append(x, c)
 
     start = min(map(started, _EXPONENTS), key=lambda x: float(np.sum(off(x) ** 2)))
-    x = least_squares(off, start, slopes, x_scale=np.abs(start) + 1e-3, max_nfev=200).x
+    # an exponent that was tried and is too large is not taken
+    with np.errstate(over='ignore'):
+        x = least_squares(off, start, slopes, x_scale=np.abs(start) + 1e-3, max_nfev=200).x
     return lambda e, p: np.maximum(columns(x[-1], e, p) @ x[:-1], floor)
 
 
