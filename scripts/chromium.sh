@@ -2,13 +2,13 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 #
-# Finds a Chromium for the browser tests, or installs Debian's where that is allowed.
-# CHROMIUM names another one.
+# Finds a Chromium for the browser tests, or installs Debian's where that is allowed: the headless
+# shell, which is half as large and takes a fifth less of a core. CHROMIUM names another one.
 set -eu
 
 fail() { printf '%s\n' "fam_bundle_ros: $*" >&2; exit 1; }
 
-for name in "${CHROMIUM:-}" chromium chromium-browser google-chrome; do
+for name in "${CHROMIUM:-}" chromium-headless-shell chromium chromium-browser google-chrome; do
     if [ -n "$name" ] && command -v "$name" >/dev/null 2>&1; then exit 0; fi
 done
 
@@ -19,7 +19,8 @@ fi
 printf '%s\n' 'fam_bundle_ros: installing Chromium (apt-get), about a minute'
 log=$(mktemp)
 export DEBIAN_FRONTEND=noninteractive
-if ! { apt-get update && apt-get install -y --no-install-recommends chromium; } >"$log" 2>&1; then
+install() { apt-get install -y --no-install-recommends "$1"; }
+if ! { apt-get update && { install chromium-headless-shell || install chromium; }; } >"$log" 2>&1; then
     tail -n 3 "$log" >&2
     fail "apt-get could not install Chromium (all it said: $log): $hint"
 fi

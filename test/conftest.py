@@ -13,6 +13,7 @@ import os
 from pathlib import Path
 import pickle
 import pkgutil
+import shutil
 import tempfile
 
 from hypothesis import settings
@@ -40,6 +41,11 @@ os.environ.setdefault('OMP_NUM_THREADS', '1')
 
 # Above 101 the DDS ports of Linux meet those of outgoing connections.
 LARGEST_DOMAIN = 101
+
+# Chromium asks Google for things at every start unless it is told not to.
+CHROMIUM_FLAGS = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
+                  '--disable-background-networking', '--disable-component-update',
+                  '--disable-sync', '--disable-default-apps', '--disable-domain-reliability']
 
 
 @pytest.fixture(scope='session')
@@ -142,3 +148,28 @@ def ros_context(domain_id):
     context.init(domain_id=domain_id)
     yield context
     context.try_shutdown()
+
+
+def missing(reason):
+    """Skip for want of a browser; in continuous integration that is a failure."""
+    if os.environ.get('CI'):
+        pytest.fail(f'{reason}; in CI browser tests must run')
+    pytest.skip(f'{reason}; make browser-test installs it')
+
+
+@pytest.fixture(scope='module')
+def chromium():
+    """Yield a headless Chromium (Debian's, or the one that CHROMIUM names)."""
+    names = [os.environ.get('CHROMIUM', ''), 'chromium-headless-shell', 'chromium',
+             'chromium-browser', 'google-chrome']
+    path = next((found for name in names if name and (found := shutil.which(name))), None)
+    if path is None:
+        missing('no Chromium on this machine')
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        missing('no playwright in this Python')
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=path, args=CHROMIUM_FLAGS)
+        yield browser
+        browser.close()

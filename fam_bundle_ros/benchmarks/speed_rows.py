@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """All rows of `fam_bundle bench`, and the function that fills the cache of compiled code."""
 
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 
 import numpy as np
 
@@ -26,10 +28,19 @@ ROWS = (*speed_loop.ROWS, *speed_model.ROWS, *speed_ticks.ROWS, *speed_ros.ROWS,
 
 
 def warm_up() -> None:
-    """Compile the laws and the shipped models, so that a user's first run is fast."""
+    """Compile laws and shipped models on two cores, so that a user's first run is fast."""
     if kernels.numba() is None:
         return
+    with ProcessPoolExecutor(2, get_context('spawn')) as pool:
+        for compiled in (pool.submit(_compile_laws), pool.submit(_compile_models)):
+            compiled.result()
+
+
+def _compile_laws() -> None:
     rowlaw.prepare(catalogue.available().values())
+
+
+def _compile_models() -> None:
     for name in config_names('models'):
         bundle = load_model(config_path(f'models/{name}'))
         strain = np.linspace(0.0, 0.2, 9)

@@ -70,12 +70,14 @@ def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundl
     assert json.loads((tmp_path / 'check.json').read_text())['ok']
     recorded = fam_bundle('record', 'bag', '--seconds', '3', '--json', 'record.json')
     assert recorded.returncode == 0, recorded.stderr
-    assert json.loads((tmp_path / 'record.json').read_text())['messages'] > 1000
+    messages = json.loads((tmp_path / 'record.json').read_text())['messages']
+    assert messages > 1000
     converted = fam_bundle('convert', 'bag', 'log.csv')
     assert converted.returncode == 0, converted.stderr
     rows = (tmp_path / 'log.csv').read_text().splitlines()
     assert rows[0].startswith('time [s],trial,strain,pressure.mu1 [kPa],pressure.mu2 [kPa]')
-    assert len(rows) > 150
+    # two pressures, their setpoints and states, force, strain, ...: 13 messages a sample
+    assert messages / 20 < len(rows) < messages / 10
     again = fam_bundle('record', 'bag', '--seconds', '1')
     assert again.returncode == 2
     assert 'bag' in again.stderr

@@ -3,8 +3,6 @@
 """A page is one file that shows what it was given, draws it, and asks the network nothing."""
 
 import re
-import shutil
-import subprocess
 
 import pytest
 
@@ -50,41 +48,32 @@ def test_nothing_is_fetched(page):
     assert not re.search(r'(src|href)="(https?:)?//|@import|url\(', text)
 
 
-@pytest.mark.skipif(shutil.which('chromium') is None, reason='chromium is not installed')
 @pytest.mark.parametrize('theme', ['light', 'dark'])
-def test_a_browser_draws_every_figure_in_its_theme(page, tmp_path, theme):
+def test_a_browser_draws_every_figure_in_its_theme(page, tmp_path, chromium, theme):
     """Chromium, without a network, draws the figure, and in dark with the dark colours."""
     path = write_page(tmp_path / 'page.html', page)
-    result = subprocess.run(
-        [shutil.which('chromium'), '--headless', '--no-sandbox', '--disable-gpu',
-         '--no-first-run', '--disable-background-networking', '--disable-component-update',
-         '--disable-sync', '--disable-quic', f'--user-data-dir={tmp_path}/profile',
-         '--virtual-time-budget=8000', '--dump-dom', f'{path.as_uri()}#{theme}'],
-        capture_output=True, text=True, timeout=120, check=True)
-    assert 'data-drawn="yes"' in result.stdout
-    drawn = result.stdout[result.stdout.index('class="drawing'):]
+    tab = chromium.new_page(offline=True)
+    tab.goto(f'{path.as_uri()}#{theme}')
+    tab.wait_for_selector('html[data-drawn=yes]')
+    drawn = tab.inner_html('.drawing')
+    tab.close()
     red, green, blue = (int(getattr(palette.effect('mesh'), theme)[k:k + 2], 16)
                         for k in (1, 3, 5))
     assert f'stroke: rgb({red}, {green}, {blue})' in drawn
 
 
-@pytest.mark.skipif(shutil.which('chromium') is None, reason='chromium is not installed')
-def test_a_printed_figure_is_as_wide_as_the_paper(page, tmp_path):
+def test_a_printed_figure_is_as_wide_as_the_paper(page, tmp_path, chromium):
     """A4 has 190 mm between its margins, 718 px; after printing the figure fills the window."""
-    sync_api = pytest.importorskip('playwright.sync_api')
     path = write_page(tmp_path / 'page.html', page)
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which('chromium'),
-                                             args=['--no-sandbox'])
-        tab = browser.new_page(viewport={'width': 1280, 'height': 800})
-        tab.goto(path.as_uri())
-        tab.wait_for_selector('html[data-drawn=yes]')
-        tab.evaluate("""() => { window.widths = [];
-            ['beforeprint', 'afterprint'].forEach((name) => window.addEventListener(name, () =>
-                window.widths.push(document.querySelector('.main-svg').clientWidth))); }""")
-        printed = tab.pdf(format='A4')
-        tab.wait_for_function('window.widths.length == 2')
-        on_paper, on_screen = tab.evaluate('window.widths')
-        browser.close()
+    tab = chromium.new_page(viewport={'width': 1280, 'height': 800})
+    tab.goto(path.as_uri())
+    tab.wait_for_selector('html[data-drawn=yes]')
+    tab.evaluate("""() => { window.widths = [];
+        ['beforeprint', 'afterprint'].forEach((name) => window.addEventListener(name, () =>
+            window.widths.push(document.querySelector('.main-svg').clientWidth))); }""")
+    printed = tab.pdf(format='A4')
+    tab.wait_for_function('window.widths.length == 2')
+    on_paper, on_screen = tab.evaluate('window.widths')
+    tab.close()
     assert printed.startswith(b'%PDF')
     assert on_paper < 718 < on_screen

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 import gc
 import os
 from pathlib import Path
-import shutil
 import signal
 import socket
 import subprocess
@@ -23,10 +22,6 @@ from fam_bundle_ros.workbench.cases import load_example
 from fam_bundle_ros.workbench.changes import Since
 from fam_bundle_ros.workbench.session import Session
 
-# Chromium asks Google for things at every start unless it is told not to.
-CHROMIUM_FLAGS = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
-                  '--disable-background-networking', '--disable-component-update',
-                  '--disable-sync', '--disable-default-apps', '--disable-domain-reliability']
 # Writes down every address outside this machine that the server process turns to.
 WATCH_NETWORK = """
 import os, sys
@@ -82,30 +77,6 @@ def with_friction(session):
     session.advance('+ coulomb_friction', session.now.model.with_effect(effect), 0.61,
                     Since((effect,)), 'coulomb_friction')
     return session
-
-
-def missing(reason):
-    """Skip for want of a browser; in continuous integration that is a failure."""
-    if os.environ.get('CI'):
-        pytest.fail(f'{reason}; in CI browser tests must run')
-    pytest.skip(f'{reason}; make browser-test installs it')
-
-
-@pytest.fixture(scope='module')
-def chromium():
-    """Yield a headless Chromium (Debian's, or the one that CHROMIUM names)."""
-    names = [os.environ.get('CHROMIUM', ''), 'chromium', 'chromium-browser', 'google-chrome']
-    path = next((found for name in names if name and (found := shutil.which(name))), None)
-    if path is None:
-        missing('no Chromium on this machine')
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing('no playwright in this Python')
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=path, args=CHROMIUM_FLAGS)
-        yield browser
-        browser.close()
 
 
 @contextmanager
