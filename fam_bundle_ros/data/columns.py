@@ -76,10 +76,22 @@ class _Reader:
             units={key: unit for key, unit in given.items()
                    if key in ('force', 'strain', *pressures)})
         lengths = chosen[strain_key].unit
-        return replace(measured, taken=self.choices.taken(), rest_length=self._rest_length.used
+        return replace(measured, taken=self.choices.taken(), notes=(
+            *measured.notes, *self._supplies(measured.pressure)), rest_length=self._rest_length.used
                        if lengths is not None and lengths.like == 'm' else None,
                        first_dropped={reason: (row, self._text(reason.partition(' in ')[2], row))
                                       for reason, (row, _) in measured.first_dropped.items()})
+
+    def _supplies(self, pressure: np.ndarray) -> list[str]:
+        """Return the question whether the highest pressure is a supply, if no name denies it."""
+        low, high = pressure.min(axis=0), pressure.max(axis=0)
+        highest = int(np.argmax(low))
+        header = self.choices.chosen[self.choices.pressures[highest]].header or ''
+        # MU, muscle, Muskel, ...: a motor unit that is on throughout
+        if len(low) == 1 or low[highest] < 0.8 * high.max() or 'mu' in header.casefold():
+            return []
+        return [f'pressure {highest + 1} of {len(low)} never is below {low[highest] / 1e3:.4g} '
+                'kPa, where the others hardly get: is it a supply? Tell the others (--columns)']
 
     def _text(self, label: str, row: int) -> str:
         """Return the text in a row in place of the number of a quantity, '' for none."""

@@ -452,17 +452,12 @@ def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -
         raise InputError(
             f'{name}: neither strain ({strain.mean():.4f}) nor pressure '
             f'({pressure.mean() / 1e3:.1f} kPa) changes; expected at least one of them to')
-    low, high = pressure.min(axis=0), pressure.max(axis=0)
-    if len(low) > 1 and low.max() >= high.max() * 0.8:
-        return [f'pressure {np.argmax(low) + 1} of {len(low)} never is below '
-                f'{low.max() / 1e3:.4g} kPa, where the others hardly get: is it a supply? Tell '
-                'the others (--columns)']
     if isometric:
         return [f'one strain only ({strain.mean():.4f}): effects of strain cannot be told apart']
     if isobaric:
         return [f'one pressure only ({pressure.mean() / 1e3:.1f} kPa): effects of pressure cannot '
                 'be told apart']
-    return [f'pressure {unit + 1} of {len(low)} is {pressure[:, unit].mean() / 1e3:.4g} kPa '
+    return [f'pressure {unit + 1} of {len(held)} is {pressure[:, unit].mean() / 1e3:.4g} kPa '
             'throughout: the effect of this pressure cannot be determined'
             for unit in np.flatnonzero(held)]
 

@@ -42,6 +42,16 @@ def test_what_may_be_misread_is_asked(log, changed, words):
     assert words not in ' '.join(read_measurement(table(log)).notes)
 
 
+@pytest.mark.parametrize(('header', 'asked'), [
+    ('p2 [kPa]', True), ('pressure.mu2 [kPa]', False), ('Druck Muskel 2 [kPa]', False)])
+def test_a_pressure_that_stays_high_may_be_a_supply_unless_its_name_is_a_muscles(
+        log, header, asked):
+    """Orderly recruitment keeps the first motor unit near its limit; `record` names it."""
+    names = {**table(log), header: np.linspace(600.0, 590.0, ROWS)}
+    names[header.replace('2', '1')] = names.pop('pressure [kPa]')
+    assert any('is it a supply?' in note for note in read_measurement(names).notes) is asked
+
+
 def test_two_columns_may_be_told_as_their_sum_or_difference(log):
     """A length between two markers, the force of two cells; not of two units."""
     data = {**table(log, strain=('top [mm]', 300 + 0 * log[1]), force=('a [N]', log[3] - 5.0)),
