@@ -602,6 +602,21 @@ def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
         assert np.max(np.abs(first - pressure)) < 12e3
 
 
+@pytest.mark.parametrize('kind', ['force', 'strain'])
+def test_after_a_reset_a_controller_does_as_a_new_one(paper_bundle, kind):
+    """Whatever went before: no filter, observer, heading or state of it is left."""
+    used, new = Bench(paper_bundle, 0.12), Bench(paper_bundle, 0.12)
+    for bench, before in ((used, 200), (new, 0)):
+        for k in range(before):
+            bench.update({'force': 80.0, 'strain': 0.2}[kind] * k / before, kind=kind)
+        bench.controller.reset()
+        bench.pressure = np.zeros(paper_bundle.n)
+    for k in range(100):
+        target = {'force': 30.0, 'strain': 0.1}[kind] * min(k / 50, 1.0)
+        assert used.update(target, kind=kind).pressure == pytest.approx(
+            new.update(target, kind=kind).pressure, abs=1.0)
+
+
 @pytest.mark.parametrize('how', ['another kind of reference', 'enabled anew'])
 def test_a_strain_loop_that_knows_no_load_goes_on_from_the_force_that_holds_it(paper_bundle, how):
     """At the strain where a load hangs still, taking over moves no pressure, then or later."""

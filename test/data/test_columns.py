@@ -111,6 +111,14 @@ def test_a_pressure_without_a_unit_gets_the_only_one_that_fits(log, values, unit
     assert f'{unit} guessed' in taken_words(data)
 
 
+@pytest.mark.parametrize(('share', 'unit'), [(1.0, None), (100.0, '%')])
+def test_a_contraction_without_a_unit_is_a_ratio_or_percent(log, share, unit):
+    """Up to 25 it can only be percent as long as no length is told that millimetres refer to."""
+    data = read_measurement(table(log, strain=('contraction', share * log[1])))
+    assert np.allclose(data.strain, log[1])
+    assert ('% guessed' in taken_words(data)) is (unit == '%')
+
+
 @pytest.mark.parametrize(('top', 'words'), [(90.0, 'kPa or psi'), (7.5, 'bar or psi')])
 def test_a_pressure_that_may_be_two_units_is_asked_for(log, top, words):
     """90 may be kPa or psi: the message says both and what to write."""

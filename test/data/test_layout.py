@@ -170,3 +170,11 @@ def test_names_of_columns_after_one_of_row_names_are_moved_to_the_right():
     assert counts_rows([['4'], ['5'], ['6']])
     assert not counts_rows([['4'], ['6']])
     assert not counts_rows([['4'], ['x']])
+
+
+def test_in_a_head_of_pairs_names_are_cells_that_differ_and_are_no_numbers():
+    """Units repeat and sample times are numbers, though both stand above as names do."""
+    head = [['Unit', 'N', 'Unit', 'N'], ['Name', 'Kanal 1', 'Name', 'Kanal 2'],
+            ['SampleTime[ms]', '1', 'SampleTime[ms]', '2']]
+    assert find_names(head, 4) == (['time', 'Kanal 1', 'time', 'Kanal 2'],
+                                   {'Kanal 1': 'N', 'Kanal 2': 'N', 'time': 'ms'}, 2)

@@ -20,6 +20,7 @@ from fam_bundle_ros.data.protocol import (
     segments,
     Sweep,
 )
+from fam_bundle_ros.data.steps import Course, Leg
 from fam_bundle_ros.errors import InputError
 
 HEAD = 'format: fam-bundle-protocol/1\nname: mine\nmotor_units: 2\n'
@@ -158,6 +159,8 @@ def test_what_is_written_is_read_again(tmp_path):
      'limits: {strain: [0, 0.2]}\n', 'strain 0.3 is outside the limits 0 to 0.2'),
     ('  - sweep: {strain: [0, 0.3], rate: 0.1 1/s, pressure: 40 psi}\n',
      'limits: {pressure: 40 kPa}\n', 'outside the limits 0 to 40 kPa'),
+    ('  - pause: 1 h\n', 'limits: {strain: 0.2}\n', 'expected \\[from, to\\]'),
+    ('  - pause: 1 h\n', 'limits: {strain: [0, 0.1, 0.2]}\n', 'expected \\[from, to\\]'),
     ('  - pause: 1 h\n', 'limits: {weight: 3 kg}\n', "limits: key 'weight'"),
     ('  - pause: 1 h\n', 'order: sorted\n', "order is 'sorted'"),
     ('  - pause: 1 h\n', 'speed: 3\n', "key 'speed' is not known"),
@@ -180,3 +183,10 @@ def test_an_unknown_protocol_is_answered_with_those_that_ship():
     """A name that is neither a file nor one of ours."""
     with pytest.raises(InputError, match='absent: no such protocol; protocols that ship: .*spie'):
         read_protocol('absent')
+
+
+def test_a_strain_that_is_free_at_one_end_of_a_course_is_free_on_the_way():
+    """From where the load puts the muscle to a strain there is no rate; the pressures go on."""
+    free, held = Leg(0.0, None, (0.0,)), Leg(2.0, 0.1, (40e3,))
+    assert Course('on', free, (held,)).at(1.0) == (None, 0.0, (20e3,))
+    assert Course('off', held, (Leg(2.0, None, (0.0,)),)).at(1.0) == (None, 0.0, (20e3,))

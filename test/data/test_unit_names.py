@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from fam_bundle_ros.data.unit_names import _UNITS, is_unit, unit_of
+from fam_bundle_ros.data.unit_names import _UNITS, half_width, is_unit, unit_of
 from fam_bundle_ros.units import si_factor
 
 #: By dimension: unit as pint knows it, and all spellings.
@@ -76,3 +76,10 @@ def test_prefixes_are_told_by_their_case_where_both_are_used():
     for text in ('', '5', 'force', '2 bar'):
         assert unit_of(text, 'N') is None
     assert not is_unit('strain of it')
+
+
+def test_full_width_letters_digits_brackets_and_spaces_are_the_usual_ones():
+    """All of them: from the exclamation mark to the tilde, and the space."""
+    usual = ''.join(map(chr, range(0x21, 0x7f)))
+    wide = ''.join(chr(ord(sign) + 0xFEE0) for sign in usual)
+    assert half_width(f'{wide}\u3000') == f'{usual} '

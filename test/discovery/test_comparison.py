@@ -43,6 +43,16 @@ def test_every_sample_is_in_one_row_of_each_table(compared):
     assert compared.tables['pressure'][-1]['label'] == f'{highest} kPa'
 
 
+def test_quarters_of_the_speed_follow_each_other(compared):
+    """Each begins where the one before ends, and holds the samples of its speeds."""
+    speed = np.abs(compared.measurement.strain_rate)
+    rows = compared.tables['rate']
+    labels = [row['label'].removesuffix(' 1/s').split(' to ') for row in rows]
+    assert [low for low, _ in labels[1:]] == [high for _, high in labels[:-1]]
+    assert float(labels[-1][1]) == pytest.approx(speed.max(), rel=5e-3)
+    assert sum(row['samples'] for row in rows) >= len(speed)
+
+
 def test_the_rows_of_a_table_are_those_that_its_label_names(sweeps, paper_muscle):
     """Of the strain in eighths, of each trial and direction; a bias is a mean."""
     data = sweeps(extra=lambda strain, pressure, way, time: 20.0 * strain * way)

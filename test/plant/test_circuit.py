@@ -248,6 +248,16 @@ def test_air_can_do_more_than_its_volume_at_supply_pressure_by_expanding():
     assert available_energy(1e-3, 5e5) > air_energy(1e-3, 5e5)
 
 
+def test_a_small_chamber_asks_for_short_steps_where_its_valve_opens_to_the_supply():
+    """Below a tenth of a millilitre its rate, flow over volume, exceeds that of the manifold."""
+    circuit = Circuit()
+
+    def count(command, volume):
+        return substeps(circuit.config, circuit.air, [command, 0.0], [volume, V[1]], CALM, 0.1)
+    assert count(1.0, 1e-7) > 2 * count(0.0, 1e-7)
+    assert count(1.0, 5e-8) == pytest.approx(2 * count(1.0, 1e-7), rel=0.01)
+
+
 def test_a_relief_valve_asks_for_short_steps_only_where_it_opens():
     """Below its pressure it costs nothing; above, the steps follow its steep opening."""
     circuit = Circuit(chamber=ChamberConfig(relief_pressure=500e3, relief_band=1e3))

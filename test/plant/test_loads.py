@@ -208,6 +208,15 @@ def test_mass_on_its_floor_carries_what_the_spring_does_not():
     assert rate == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_fitting_behind_a_slack_tendon_is_braked_by_its_own_damping():
+    """With m u' = -c u an implicit step divides the speed by 1 + h c/m, as often as is asked."""
+    load = SeriesSpringMass(gravity=0.0, damping=4.0, fitting_mass=0.2, stops=WIDE)
+    motion = LoadState(0.05, 0.3, place=0.02)
+    for _ in range(3):
+        motion.strain_rate, _ = kick(load.record, motion, 1e-3, 0.0, LENGTH)
+    assert motion.strain_rate == pytest.approx(0.3 / 1.02 ** 3)
+
+
 def test_damper_in_a_tendon_does_not_push():
     """A fitting that comes back fast leaves the mass behind the spring alone."""
     load = SeriesSpringMass(gravity=0.0, damping=0.0, spring_damping=100.0, stops=WIDE)
