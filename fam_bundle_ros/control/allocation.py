@@ -157,12 +157,11 @@ class Allocator:
         self.bundle = bundle
         self.pushes_back = not neglect
         self.inverted = without_push_back(bundle) if neglect else bundle
-        limit = bundle.max_pressure if max_pressure is None else np.minimum(
-            bundle.max_pressure, np.asarray(max_pressure, float))
+        limit = bundle.max_pressure if max_pressure is None else np.asarray(max_pressure, float)
         if limit.shape != (bundle.n,) or not np.all(limit > 0.0):
             raise InputError(f'max_pressure is {max_pressure}; expected {bundle.n} positive '
                              'values in Pa')
-        self.max_pressure = limit
+        self.max_pressure = np.minimum(bundle.max_pressure, limit)
         order = range(bundle.n) if order is None else order
         if sorted(order) != list(range(bundle.n)):
             raise InputError(f'order is {tuple(order)}; expected each of 0 to {bundle.n - 1} once')
