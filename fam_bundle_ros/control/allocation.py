@@ -161,7 +161,7 @@ class Allocator:
         if limit.shape != (bundle.n,) or not np.all(limit > 0.0):
             raise InputError(f'max_pressure is {max_pressure}; expected {bundle.n} positive '
                              'values in Pa')
-        self.max_pressure = np.minimum(bundle.max_pressure, limit)
+        self.max_pressure = limit = np.minimum(bundle.max_pressure, limit)
         order = range(bundle.n) if order is None else order
         if sorted(order) != list(range(bundle.n)):
             raise InputError(f'order is {tuple(order)}; expected each of 0 to {bundle.n - 1} once')

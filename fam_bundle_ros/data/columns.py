@@ -76,11 +76,13 @@ class _Reader:
             units={key: unit for key, unit in given.items()
                    if key in ('force', 'strain', *pressures)})
         lengths = chosen[strain_key].unit
-        return replace(measured, taken=self.choices.taken(), notes=(
-            *measured.notes, *self._supplies(measured.pressure)), rest_length=self._rest_length.used
-                       if lengths is not None and lengths.like == 'm' else None,
-                       first_dropped={reason: (row, self._text(reason.partition(' in ')[2], row))
-                                      for reason, (row, _) in measured.first_dropped.items()})
+        refers = lengths is not None and lengths.like == 'm'
+        return replace(
+            measured, taken=self.choices.taken(),
+            notes=(*measured.notes, *self._supplies(measured.pressure)),
+            rest_length=self._rest_length.used if refers else None,
+            first_dropped={reason: (row, self._text(reason.partition(' in ')[2], row))
+                           for reason, (row, _) in measured.first_dropped.items()})
 
     def _supplies(self, pressure: np.ndarray) -> list[str]:
         """Return the question whether the highest pressure is a supply, if no name denies it."""

@@ -69,7 +69,7 @@ def test_a_setting_out_of_its_range_is_refused_by_name(make, words):
     (lambda b: RecruitmentController(b).update(0.01, VENTED, Reference('stiffness', 1.0)),
      "kind is 'stiffness'; expected force or strain"),
     (lambda b: tune_strain(b, LoadModel(force=10.0)), 'inertia of the load is 0; expected more'),
-    (lambda b: tune(sample_period=0.0), 'a sample period and a spool frequency above 0 .* got 0.0'),
+    (lambda b: tune(sample_period=0.0), 'and a spool frequency above 0 .* got 0.0'),
 ])
 def test_a_call_that_makes_no_sense_is_refused(paper_bundle, act, words):
     """A state or pressures that this bundle has not, a scheme that inverts no model."""
