@@ -161,6 +161,13 @@ def test_what_is_written_is_read_again(tmp_path):
      'limits: {pressure: 40 kPa}\n', 'outside the limits 0 to 40 kPa'),
     ('  - pause: 1 h\n', 'limits: {strain: 0.2}\n', 'expected \\[from, to\\]'),
     ('  - pause: 1 h\n', 'limits: {strain: [0, 0.1, 0.2]}\n', 'expected \\[from, to\\]'),
+    ('  - pause: 1 h\n', 'limits: 3 N\n', 'limits is .3 N.; expected pressure, strain, force'),
+    ('  - pause: 1 h\n', 'limits: {strain: [0.2, 0.1]}\n', 'expected two rising strains'),
+    ('  - pause: 1 h\n', 'limits: {force: 0 N}\n', 'pressure or force is not above 0'),
+    ('  - pause: 1 h\n', 'settle: -1 s\n', 'settle is -1 s; expected 0 s or more'),
+    ('  - pause: 1 h\n', 'travel: 0 1/s\n', 'travel is 0.*; expected more than 0'),
+    ('  - pause: 1 h\n', 'repeats: 0\n', 'repeats is 0; expected more than 0'),
+    ('  - sweep: 0.1\n', '', 'step 1 (sweep) is 0.1; expected keys with values'),
     ('  - pause: 1 h\n', 'limits: {weight: 3 kg}\n', "limits: key 'weight'"),
     ('  - pause: 1 h\n', 'order: sorted\n', "order is 'sorted'"),
     ('  - pause: 1 h\n', 'speed: 3\n', "key 'speed' is not known"),
@@ -190,3 +197,23 @@ def test_a_strain_that_is_free_at_one_end_of_a_course_is_free_on_the_way():
     free, held = Leg(0.0, None, (0.0,)), Leg(2.0, 0.1, (40e3,))
     assert Course('on', free, (held,)).at(1.0) == (None, 0.0, (20e3,))
     assert Course('off', held, (Leg(2.0, None, (0.0,)),)).at(1.0) == (None, 0.0, (20e3,))
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('- sweep', "no protocol; expected a mapping with 'format: fam-bundle-protocol/1'"),
+    (HEAD, "has no key 'steps'"), (f'{HEAD}steps: sweep\n', 'steps is str; expected a list'),
+    (HEAD.replace('2', '65') + 'steps: []\n', 'motor_units is 65; expected 1 to 64')])
+def test_a_file_that_is_no_protocol_is_told_why(tmp_path, text, words):
+    """A list, one without steps, too many motor units."""
+    (tmp_path / 'mine.yaml').write_text(text)
+    with pytest.raises(InputError, match=rf'mine\.yaml: .*{words}'):
+        read_protocol(tmp_path / 'mine.yaml')
+
+
+def test_a_protocol_from_python_has_a_pressure_for_each_motor_unit():
+    """And so does one of several thousand segments, which no rig records in a day."""
+    sweep = Sweep((0.0, 0.1), 0.1, ((40e3,),))
+    with pytest.raises(InputError, match=r'step 1 .sweep.: 1 pressures; expected one for each of'):
+        Protocol('two', 2, (sweep,))
+    with pytest.raises(InputError, match='segments; expected at most'):
+        segments(Protocol('many', 1, (sweep,), repeats=100_000))

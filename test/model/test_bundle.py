@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, MotorUnit
+from fam_bundle_ros.model import Bundle, catalogue, MotorUnit
 from fam_bundle_ros.model.laws.bladder import bladder_elasticity
 from fam_bundle_ros.model.laws.mesh import mesh
 from fam_bundle_ros.model.parts import SensorError
@@ -139,3 +139,18 @@ def test_what_is_felt_is_what_gauges_show_without_their_errors(paper_bundle):
     felt = bundle.felt(*shown[1:], time, rate)
     assert_allclose(felt[0], strain)
     assert_allclose(felt[1], pressure, atol=1e-9)
+
+
+def test_a_bundle_without_motor_units_or_a_state_that_it_has_not_is_refused(paper_bundle):
+    """What there is, and what was asked for."""
+    with pytest.raises(InputError, match='none: a bundle needs at least one motor unit'):
+        Bundle('none', [], paper_bundle.effects)
+    for state in (0, 2):
+        with pytest.raises(InputError, match=f'a recruitment state from 1 to 1, not {state}'):
+            paper_bundle.overlap(0.2, state)
+
+
+def test_an_effect_file_that_is_not_there_is_named(tmp_path):
+    """Before anything is run."""
+    with pytest.raises(InputError, match=r'mine\.py: is not a Python file'):
+        list(catalogue.from_python_file(tmp_path / 'mine.py'))

@@ -99,6 +99,15 @@ def test_a_model_is_written_whole_or_not_at_all(tmp_path):
     ('- mesh', '- mesh\n  - mesh', 'line 12: effect mesh is named twice'),
     ('name: small', 'name: small\nname: big', "line 3: 'name' is given twice"),
     ('name: small', 'name: [a', 'line 3: is not YAML|line 4: is not YAML'),
+    ('name: small', '[name]: small', 'line 2: a key must be a word'),
+    ('effects:\n', 'effects: mesh\ndescription:\n', 'line 10: effects must be a list'),
+    ('name: small', 'effect_files: mine.py', 'line 2: effect_files must be a list'),
+    ('  - mesh', '  - [mesh]', 'an effect must be a name'),
+    ('  - mesh', '  - {mesh: , end_caps: }', 'line 11: an effect must be one name with its par'),
+    ('{c10: 0.1184 MPa}', '[118 kPa]', 'line 12: bladder_elasticity: parameters must be a map'),
+    (', wall_thickness: 1.59 mm', '', 'line 8: geometry of motor unit 1 has no wall_thickness'),
+    ('    geometry: {', '    max_pressure: 50 psi\n  - name: b\n    geometry: {',
+     'line 6: motor unit 1 has no geometry'),
 ])
 def test_a_bad_file_is_refused_with_line_and_key(old, new, message):
     """One sentence says where and what was expected."""

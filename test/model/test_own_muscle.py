@@ -110,3 +110,12 @@ def test_any_braid_angle_of_a_muscle_that_contracts_is_taken(angle, taken):
     else:
         with pytest.raises(InputError, match='between 5 and 54.7 deg'):
             own_muscle.new_bundle('m', {**OWN, 'braid_angle': angle})
+
+
+def test_what_a_muscle_cannot_be_made_of_is_refused():
+    """A part that is not sold, an effect that needs a file: what there is instead."""
+    with pytest.raises(InputError, match="--part: 'dmsp-30' is not in the catalogue; expected one "
+                                         'of dmsp-10, dmsp-20, dmsp-40, or the dimensions'):
+        own_muscle.find_part('dmsp-30', '--part')
+    with pytest.raises(InputError, match='measured_surface needs a table'):
+        own_muscle.new_bundle('m', OWN, ['mesh', 'measured_surface'])

@@ -80,18 +80,45 @@ def test_extrapolation_warns_once_and_holds_the_edge(table):
     assert outside == surface.force(0.3, [2e5])
 
 
-@pytest.mark.parametrize(('text', 'message'), [
+HEADER = 'strain,pressure[kPa],force[N]'
+
+
+@pytest.mark.parametrize(('rows', 'message'), [
     ('', 'is empty'),
-    ('strain,pressure [kPa]\n0,1\n', 'has no column force'),
-    ('strain,pressure [N],force [N]\n0,1,2\n', "unit 'N' does not fit"),
-    ('strain,pressure [kPa],force [N]\n0,1,much\n', 'row 2: force is not a number'),
-    ('strain,pressure [kPa],force [N]\n0,1,2\n.1,1,2\n', 'at least two pressures'),
+    ('strain,pressure[kPa] 0,1', 'has no column force'),
+    ('strain,pressure[N],force[N] 0,1,2', "unit 'N' does not fit"),
+    (f'{HEADER} 0,1,much', 'row 2: force is not a number'),
+    (f'{HEADER} 0,1', 'row 2: force is not a number'),
+    (f'{HEADER} 0,1,inf', 'column force has values that are not finite'),
+    (f'{HEADER} 0,1,2 .1,1,2', 'expected at least two pressures'),
+    (f'{HEADER} 0,1,2 .1,1,2 0,5,2', '1 strains in 1 rows at 5 kPa; expected two or more'),
+    (f'{HEADER} 0,1,2 .1,1,2 .1,1,2 0,5,2 .1,5,2', '2 strains in 3 rows at 1 kPa; .* each once'),
+    (None, 'cannot be read as a CSV'),
 ])
-def test_a_bad_table_is_refused(tmp_path, text, message):
+def test_a_bad_table_is_refused(tmp_path, rows, message):
     """The error names the file and the row."""
-    (tmp_path / 'map.csv').write_text(text)
-    with pytest.raises(InputError, match=message):
+    if rows is not None:
+        (tmp_path / 'map.csv').write_text('\n'.join(rows.split()))
+    with pytest.raises(InputError, match=f'map.csv.*{message}'):
         measured_surface(table='map.csv', folder=tmp_path)
+
+
+@pytest.mark.parametrize(('rows', 'message'), [
+    ('0,1,2,0,1 0,5,2,0,1 .1,1,2,0,1 .1,5,2,0,3', 'motor_unit has 1, 3; expected 1, 2, '),
+    ('0,1,2,0,1 0,5,2,0,1 .1,1,2,0,1', '3 rows; expected every pair of 2 strains and 2 press'),
+    ('0,1,2,0,1 .1,1,2,0,1', '2 rows; expected every pair of 2 strains and 1 pressures')])
+def test_a_discrepancy_needs_a_whole_grid_for_each_motor_unit(tmp_path, rows, message):
+    """Gaps among units or points, a single pressure: what was found, and what is expected."""
+    (tmp_path / 'left.csv').write_text('\n'.join([
+        'strain,pressure [kPa],force [N],odd [N],motor_unit', *rows.split()]))
+    with pytest.raises(InputError, match=f'left.csv: {message}'):
+        catalogue.get('discrepancy_surface')(table='left.csv', folder=tmp_path)
+
+
+def test_an_effect_that_reads_a_table_needs_one():
+    """Without it the message says of which kind."""
+    with pytest.raises(InputError, match=r'measured_surface: needs a table \(a CSV file\)'):
+        measured_surface()
 
 
 def test_a_discrepancy_is_bilinear_between_its_points(tmp_path):

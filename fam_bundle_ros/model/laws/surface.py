@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model.forcetable import ForceTable, interpolated, read_columns
 from fam_bundle_ros.model.laws.base import law
 
@@ -29,7 +29,8 @@ class Table(ForceTable):
 
     def __init__(self, path: Path):
         columns = read_columns(path, _COLUMNS)
-        strain, pressure, force = _refine(*(columns[name] for name in _COLUMNS))
+        with about(str(path)):
+            strain, pressure, force = _refine(*(columns[name] for name in _COLUMNS))
         super().__init__(path, strain, pressure, force[None])
 
 
@@ -49,15 +50,16 @@ def _refine(strain, pressure, force):
 
     isobars = np.unique(pressure)
     if len(isobars) < 2:
-        raise InputError('measured_surface: the table needs at least two pressures')
+        raise InputError('expected at least two pressures')
     strains = _subdivide(np.unique(strain))
     columns = []
     for isobar in isobars:
         rows = pressure == isobar
         at, first = np.unique(strain[rows], return_index=True)
-        if len(at) < 2 or len(at) < np.count_nonzero(rows):
-            raise InputError(f'measured_surface: the isobar {isobar / 1e3:g} kPa needs two or '
-                             'more strains, each once')
+        count = np.count_nonzero(rows)
+        if len(at) < 2 or len(at) < count:
+            raise InputError(f'{len(at)} strains in {count} rows at {isobar / 1e3:g} kPa; '
+                             'expected two or more strains, each once')
         inside = np.clip(strains, at[0], at[-1])
         columns.append(PchipInterpolator(at, force[rows][first])(inside))
     fine = _subdivide(isobars)
