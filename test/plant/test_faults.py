@@ -247,3 +247,14 @@ def test_a_wrong_unit_is_that_unit(quantity, unit):
     """A driver that sends a unit gives the numbers that the unit's definition gives."""
     like = {'pressure': 'Pa', 'force': 'N', 'strain': '1'}[quantity]
     assert 1.0 / UNITS[quantity][unit] == pytest.approx(si_factor(unit, like), rel=1e-6)
+
+
+def test_faults_of_messages_can_be_left_to_the_process_that_sends_them():
+    """What remains is a copy with all others; the original keeps its own."""
+    faults = Faults(silent={'force'}, late={'strain': 0.1}, lost={'strain': 0.5},
+                    gain={'force': 2.0}, frozen={'strain'})
+    rest = faults.without_messages()
+    assert rest == Faults(gain={'force': 2.0}, frozen={'strain'})
+    rest.gain.clear()
+    assert faults == Faults(silent={'force'}, late={'strain': 0.1}, lost={'strain': 0.5},
+                            gain={'force': 2.0}, frozen={'strain'})

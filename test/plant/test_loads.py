@@ -10,7 +10,15 @@ from scipy.integrate import solve_ivp
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring, SeriesSpringMass
-from fam_bundle_ros.plant.loads import drift, GRAVITY, kick, LoadState
+from fam_bundle_ros.plant.loads import (
+    drift,
+    GRAVITY,
+    holding_force,
+    inertia,
+    kick,
+    LoadState,
+    stiffness,
+)
 
 LENGTH = 0.127
 WIDE = (-0.15, 0.5)
@@ -123,6 +131,14 @@ def test_inertia_is_what_a_sudden_force_accelerates():
         assert rate / 1e-6 == pytest.approx(1.0 / load.inertia(0.1, LENGTH), rel=1e-3)
     both = SeriesSpringMass(mass=3.0, fitting_mass=0.5)
     assert both.inertia(0.1, LENGTH) == pytest.approx(3.5 * LENGTH)
+
+
+def test_a_dynamometer_moves_by_itself_whatever_the_force():
+    """It is infinitely stiff and heavy, and any force holds it."""
+    record, moving = Dynamometer(0.1).record, LoadState(0.1, 0.02)
+    assert math.isnan(holding_force(record, 0.1, LENGTH))
+    assert stiffness(record, 0.1, LENGTH) == inertia(record, LENGTH) == math.inf
+    assert kick(record, moving, 1e-3, 1e3, LENGTH) == (0.02, 0.0)
 
 
 def test_dynamometer_goes_to_its_target_at_the_speed_asked_for():

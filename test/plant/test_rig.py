@@ -291,6 +291,22 @@ def test_emergency_stop_vents_and_stays(bundle):
     assert rig.e_stopped == ''
 
 
+def test_a_supply_that_was_shut_stays_shut_while_the_rig_is_stopped(bundle):
+    """Shut, it is dumped and no valve fills; it can be opened after the reset of a stop only."""
+    rig = make(bundle)
+    rig.open_supply(False)
+    rig.step([1.0, 1.0], 0.5)
+    assert np.all(rig.truth.pressure < 5e3)
+    rig.e_stop()
+    rig.open_supply(True)
+    rig.step([1.0, 1.0], 0.5)
+    assert np.all(rig.truth.pressure < 5e3)
+    assert rig.e_stop_reset()
+    rig.open_supply(True)
+    rig.step([0.1, 0.1], 0.1)
+    assert np.all(rig.truth.pressure > 50e3)
+
+
 def test_emergency_stop_vents_through_a_valve_that_is_stuck_open(bundle):
     """A valve stuck on fill vents backwards, through the manifold's dump valve."""
     rig = make(bundle)
