@@ -22,6 +22,10 @@ from fam_bundle_ros.kernels import Alternative
 _WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
 #: N: smaller differences of force count as equal where slack or a threshold makes a curve flat.
 FLAT = 1e-9
+#: A branch that rises from its lowest point by less than this share of its slope up to the limit,
+#: over more than this share of the limit, is no use: there the model's slope, with any error of
+#: the force, says nothing of the muscle's.
+_STEEP_SHARE, _LONG_SHARE = 0.1, 0.1
 
 
 @dataclass
@@ -66,7 +70,7 @@ class CurveTable:
     top_force : list (n,), N
         At the limit.
     dip : list (n,), N
-        Drop of the force from zero pressure to the bottom.
+        Drop of the force from zero pressure to the bottom; negative for a rise.
     top, floor : list (n + 1,), N
         Largest and smallest force of RS0..RSn on rising branches.
     lowered : list (n,) of int
@@ -173,8 +177,8 @@ def find_branches(table: Any, asleep: Any) -> None:
         rest, lowest = curve[0], curve[table.bottom[unit]]
         wake = max(_WAKE_SHARE * (rest - lowest), _WAKE_FORCE) if asleep[unit] > 0 else 0.0
         useful = curve[last] - rest > wake
-        if not useful:
-            table.bottom[unit] = 0
+        table.bottom[unit] = end_of_flat(table.grid[unit], curve, table.bottom[unit]) if useful \
+            else 0
         bottom = table.bottom[unit]
         table.useful[unit], asleep[unit] = (1, 0) if useful else (0, 1)
         table.rest_force[unit] = rest
@@ -190,7 +194,24 @@ def find_branches(table: Any, asleep: Any) -> None:
         gain += table.top_force[unit] - table.rest_force[unit]
         dips += table.dip[unit]
         table.top[k + 1], table.floor[k + 1] = total + gain, total - dips
-        table.crossing[k] = table.top[k] - table.dip[unit]
+        table.crossing[k] = table.top[k] - max(table.dip[unit], 0.0)
+
+
+def end_of_flat(grid: Any, curve: Any, bottom: int) -> int:
+    """
+    Return the index at which a curve begins to rise, from its lowest point on.
+
+    A slack muscle's curve is almost flat up to its free strain. A demand within such a flat would
+    move the pressure through all of it, and the muscle, which differs from its model, by far more
+    than the demand: the loop would have many times its gain and oscillate.
+    """
+    end, last = bottom, len(grid) - 1
+    # Mean slopes, as a flat may have bumps; multiplied out, as a grid may end in equal pressures.
+    while end + 1 < last and (curve[end + 1] - curve[bottom]) * (
+            grid[last] - grid[end + 1]) <= _STEEP_SHARE * (curve[last] - curve[end + 1]) * (
+            grid[end + 1] - grid[bottom]):
+        end += 1
+    return end if grid[end] - grid[bottom] > _LONG_SHARE * grid[last] else bottom
 
 
 def top_at(table: Any, model: Any, state: int, strain: float) -> float:
