@@ -22,8 +22,10 @@ _DISTANCE = 0.5
 _LEAST_DAMPING = 0.01
 #: Limit of a negative gain, as a share of the least stiffness.
 _SOFTENED = 0.3
-#: Strain at which stiffnesses are taken, and half-width of the difference quotient.
+#: Largest strain at which stiffnesses are taken, and half-width of the difference quotient.
 _MIDDLING, _APART = 0.1, 0.01
+#: Strains of the search for a free strain.
+_STRAINS = np.linspace(0.0, 2.0 * _MIDDLING, 41)
 #: Least over largest stiffness that gains are computed for.
 _LEAST_SHARE = 0.005
 #: Candidate gains: on strain, over the stiffness; on its rate, over critical damping.
@@ -124,16 +126,26 @@ def unit_stiffness(bundle: Any) -> tuple[np.ndarray, np.ndarray]:
     """
     Return -dF/de of each unit at a medium strain as slope p + bend p^2, with its pressure p.
 
-    Two arrays (n,), N/Pa and N/Pa^2, fitted at 0, half and all of the largest pressure.
+    Two arrays (n,), N/Pa and N/Pa^2, fitted at 0, half and all of the largest pressure. A strain
+    at which a unit is slack at half pressure would tell nothing of its stiffness there.
     """
+    middle = middle_strain(bundle)
+
     def at(share: float) -> np.ndarray:
-        pressure = share * bundle.max_pressure
-        return np.maximum((bundle.unit_forces(_MIDDLING - _APART, pressure)
-                           - bundle.unit_forces(_MIDDLING + _APART, pressure)) / (2.0 * _APART),
-                          0.0)
+        pressure = np.tile(share * bundle.max_pressure, (len(middle), 1))
+        rise = (bundle.unit_forces(middle - _APART, pressure)
+                - bundle.unit_forces(middle + _APART, pressure)) / (2.0 * _APART)
+        return np.maximum(np.diag(rise), 0.0)
     half, whole = at(0.5), at(1.0)
     return ((4.0 * half - whole) / bundle.max_pressure,
             (2.0 * whole - 4.0 * half) / bundle.max_pressure ** 2)
+
+
+def middle_strain(bundle: Any) -> np.ndarray:
+    """Return 0.6 of each unit's free strain at half of its limit, at most 0.1, (n,)."""
+    pressure = np.tile(0.5 * bundle.max_pressure, (len(_STRAINS), 1))
+    pulls = np.cumprod(bundle.unit_forces(_STRAINS, pressure) > 0.0, axis=0).sum(axis=0)
+    return np.clip(0.6 * _STRAINS[np.maximum(pulls, 1) - 1], _APART, _MIDDLING)
 
 
 def stiffness_grid(bundle: Any, load: float) -> list[float]:

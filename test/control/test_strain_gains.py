@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gains of the strain loop, and what they are worked out from, against simulated time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from fam_bundle_ros.control.strain_gains import (
     strain_gains,
     unit_stiffness,
 )
+from fam_bundle_ros.model import Bundle
 
 STIFFNESS, INERTIA, LAG = 800.0, 0.5, 0.02
 
@@ -84,6 +87,16 @@ def test_stiffnesses_of_units_are_slopes_of_their_force(bundles):
         pressure = share * bundle.max_pressure
         near, far = (bundle.unit_forces(strain, pressure) for strain in (0.09, 0.11))
         assert slope * pressure + bend * pressure ** 2 == pytest.approx((near - far) / 0.02)
+
+
+def test_a_muscle_of_small_contraction_is_stiff_at_every_pressure(bundles):
+    """Although it is slack at 10 % and half of its pressure."""
+    units = [replace(unit, max_pressure=100e3) for unit in bundles[3].motor_units]
+    short = Bundle('short', units, bundles[3].effects)
+    slope, bend = unit_stiffness(short)
+    for share in (0.1, 0.5, 1.0):
+        pressure = share * short.max_pressure
+        assert np.all(slope * pressure + bend * pressure ** 2 > 0.0)
 
 
 def test_stiffnesses_for_which_gains_are_worked_out_go_up_in_even_ratios(bundles):
