@@ -22,10 +22,9 @@ from fam_bundle_ros.kernels import Alternative
 _WAKE_SHARE, _WAKE_FORCE = 0.1, 0.5
 #: N: smaller differences of force count as equal where slack or a threshold makes a curve flat.
 FLAT = 1e-9
-#: A branch that rises from its lowest point by less than this share of its slope up to the limit,
-#: over more than this share of the limit, is no use: there the model's slope, with any error of
-#: the force, says nothing of the muscle's.
-_STEEP_SHARE, _LONG_SHARE = 0.1, 0.1
+#: A curve that rises by less than this share of its slope further up counts as flat: a muscle with
+#: the slope further up there has a loop gain beyond any usual gain margin.
+_STEEP_SHARE = 0.1
 
 
 @dataclass
@@ -130,6 +129,13 @@ def adapted(table: Any, unit: int, force: float) -> float:
     return table.push[unit] * force if table.pushes_back else 0.0
 
 
+def unadapted(table: Any, unit: int, force: float) -> float:
+    """Return the force of the model for one of the adapted model, N; 0 where none is left."""
+    if force > 0.0:
+        return force / table.pull[unit]
+    return force / table.push[unit] if table.push[unit] > 0.0 else 0.0
+
+
 def _by_unit(table: Any, model: Any) -> None:
     """Fill the table unit by unit, and find the last of the smallest forces."""
     now = table.moment
@@ -177,8 +183,7 @@ def find_branches(table: Any, asleep: Any) -> None:
         rest, lowest = curve[0], curve[table.bottom[unit]]
         wake = max(_WAKE_SHARE * (rest - lowest), _WAKE_FORCE) if asleep[unit] > 0 else 0.0
         useful = curve[last] - rest > wake
-        table.bottom[unit] = end_of_flat(table.grid[unit], curve, table.bottom[unit]) if useful \
-            else 0
+        table.bottom[unit] = end_of_flat(table, unit) if useful else 0
         bottom = table.bottom[unit]
         table.useful[unit], asleep[unit] = (1, 0) if useful else (0, 1)
         table.rest_force[unit] = rest
@@ -197,21 +202,27 @@ def find_branches(table: Any, asleep: Any) -> None:
         table.crossing[k] = table.top[k] - max(table.dip[unit], 0.0)
 
 
-def end_of_flat(grid: Any, curve: Any, bottom: int) -> int:
+def end_of_flat(table: Any, unit: int) -> int:
     """
-    Return the index at which a curve begins to rise, from its lowest point on.
+    Return the index at which a unit's curve begins to rise, from its lowest point on.
 
     A slack muscle's curve is almost flat up to its free strain. A demand within such a flat would
     move the pressure through all of it, and the muscle, which differs from its model, by far more
-    than the demand: the loop would have many times its gain and oscillate.
+    than the demand: the loop would have many times its gain and oscillate. The curve is that of
+    the model without adaptation, which must not move the end of a flat.
     """
+    grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
     end, last = bottom, len(grid) - 1
+    lowest = unadapted(table, unit, curve[bottom])
+    highest = unadapted(table, unit, curve[last])
     # Mean slopes, as a flat may have bumps; multiplied out, as a grid may end in equal pressures.
-    while end + 1 < last and (curve[end + 1] - curve[bottom]) * (
-            grid[last] - grid[end + 1]) <= _STEEP_SHARE * (curve[last] - curve[end + 1]) * (
-            grid[end + 1] - grid[bottom]):
+    while end + 1 < last:
+        force = unadapted(table, unit, curve[end + 1])
+        if ((force - lowest) * (grid[last] - grid[end + 1])
+                > _STEEP_SHARE * (highest - force) * (grid[end + 1] - grid[bottom])):
+            break
         end += 1
-    return end if grid[end] - grid[bottom] > _LONG_SHARE * grid[last] else bottom
+    return end
 
 
 def top_at(table: Any, model: Any, state: int, strain: float) -> float:

@@ -175,8 +175,9 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
     margin, band = widths(settings, demand)
     recruit, width = math.nan, math.nan
     if state < len(machine.needed):
-        # Leave RS0 early; leave a working state only where the demand exceeds its uncertainty.
-        recruit = table.top[state] + (margin if state > 0 else -margin)
+        # A state is left where the demand exceeds its uncertainty; RS0 early if the demand rises.
+        early = state == 0 and demand.smooth_rate > at_rest(settings, table)
+        recruit = table.top[state] + (-margin if early else margin)
         width = table.top[state] - table.crossing[state]
     release = release_level(settings, table, state, margin, band) - machine.ahead
     shown = machine.margins
@@ -228,11 +229,16 @@ def release_level(settings: Any, table: Any, state: int, margin: float, band: fl
     return table.crossing[state - 1] - margin - band
 
 
+def at_rest(settings: Any, table: Any) -> float:
+    """Return the rate up to which a demand is at rest, N/s."""
+    return settings.rest_rate * (table.top[-1] - table.top[0])
+
+
 def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: float, dt: float
           ) -> None:
     """Update the times of the demand below the release level, and at rest there."""
     below = machine.state > 0 and demand.force < release
-    resting = abs(demand.rate) < settings.rest_rate * (table.top[-1] - table.top[0])
+    resting = abs(demand.rate) < at_rest(settings, table)
     for k in range(machine.state):
         machine.reserve[k] = max(machine.reserve[k], table.bottom_pressure[table.order[k]])
         if demand.force > table.top[k] - _LITTLE:
@@ -287,7 +293,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     last = machine.state - 1
     if settings.policy != REVERSAL_AWARE:
         return BELOW if demand.force < release else UNREACHABLE
-    if demand.rate > settings.rest_rate * (table.top[-1] - table.top[0]):
+    if demand.rate > at_rest(settings, table):
         return NONE
     # Pressures below the bottom are used first: `inverse.lower`.
     spare = max(demand.doubt, reach_below(table, table.order[last]))

