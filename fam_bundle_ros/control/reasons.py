@@ -74,14 +74,16 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
     if r.why == EMPTY:
         return f'release {names[state - 1]}: it is empty, demand is lower'
     if r.why <= AHEAD:
+        dip = r.limit - r.crossing
+        pushed = (f'; above {r.crossing:.1f} N its push-back of {dip:.1f} N could not be '
+                  'compensated') if dip > 0.05 else ''
         text = {
             FROM_REST: f'demand {force:.1f} N above {r.level:.1f} N; vented it gives '
                            f'{r.limit:.1f} N',
             BEYOND: f"demand {force:.1f} N above RS{state}'s {r.limit:.1f} N by more than "
                         f'{r.level - r.limit:.1f} N',
             AHEAD: f"demand {force:.1f} N rising by {r.rate:.1f} N/s towards RS{state}'s "
-                       f'{r.limit:.1f} N; above {r.crossing:.1f} N its push-back of '
-                       f'{r.limit - r.crossing:.1f} N could not be compensated'}[int(r.why)]
+                       f'{r.limit:.1f} N{pushed}'}[int(r.why)]
         return f'recruit {names[state]}: {text}'
     below = f'demand {force:.1f} N below {r.level:.1f} N'
     text = {

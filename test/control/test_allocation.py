@@ -145,7 +145,7 @@ def test_a_kink_between_two_points_of_the_table_is_found():
     assert found.pressure[0] == pytest.approx(10.4e3, abs=1e3 / 60)
 
 
-@pytest.mark.parametrize('tilt, bottom', [(0.0, 50), (1e-6, 55), (-1e-6, 50), (5e-5, 0)])
+@pytest.mark.parametrize(('tilt', 'bottom'), [(0.0, 50), (1e-6, 55), (-1e-6, 50), (5e-5, 0)])
 def test_an_almost_flat_curve_is_no_rising_branch(tilt, bottom):
     """It ends where the force rises, or soon after, unless the slope before is a real one."""
     table = curve_table([0], [[2e3 * k for k in range(101)]], True)

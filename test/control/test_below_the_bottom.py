@@ -67,6 +67,33 @@ def test_a_bundle_that_pulls_more_than_its_model_at_the_bottom_comes_down_gently
     assert min(states) >= 1
 
 
+@pytest.mark.parametrize('vented', [0.0, 1.0, 6.0])
+@pytest.mark.parametrize('strain', [0.05, 0.16, 0.2])
+def test_a_demand_that_the_vented_bundle_meets_switches_nothing_on(paper_bundle, strain, vented):
+    """
+    Muscles that push back less than their model, or a load cell with an offset, at zero force.
+
+    The last unit is released once, without a bump: in RS0 there is no error left.
+    """
+    controller = RecruitmentController(paper_bundle)
+    pressure, states = [0.0, 0.0], []
+    for k in range(round(10.0 / DT)):
+        time = k * DT
+        wanted, rate = (5.0 + 20.0 * time, 20.0) if time < 2.5 else (55.0, 0.0)
+        if time > 4.0:
+            wanted, rate = max(55.0 - 20.0 * (time - 4.0), 0.0), -20.0
+        force = 1.7e-4 * sum(pressure) + vented
+        rate = rate if wanted > 0.0 else 0.0
+        command = controller.update(DT, Measurement(force, strain, 0.0, pressure),
+                                    Reference('force', wanted, rate))
+        if time > 6.0:
+            assert abs(force - max(wanted, vented)) < 1.0
+            states.append(command.state)
+        pressure = [p + 0.5 * (q - p) for p, q in zip(pressure, command.pressure)]
+    assert states[-1] == 0
+    assert states == sorted(states, reverse=True)
+
+
 def test_a_lowered_unit_whose_bottom_is_gone_may_read_less_than_nothing(paper_bundle):
     """The strain falls to where the model has no push-back, and the empty unit reads -0.5 kPa."""
     controller = RecruitmentController(paper_bundle)

@@ -186,6 +186,13 @@ def test_a_reason_reads_as_a_sentence(why, text):
     assert sentence(Reason(why, 1, 20.0, 31.5, 33.0, 25.0, 4.0, 0.8, 12e3), ['A', 'B']) == text
 
 
+def test_where_a_unit_does_not_push_back_nothing_is_said_of_it():
+    """A muscle with slack ends; `0.0 N could not be compensated` says nothing."""
+    reason = Reason(AHEAD, 1, force=20.0, rate=4.0, limit=33.0, crossing=33.0)
+    assert sentence(reason, ['A', 'B']) == (
+        "recruit B: demand 20.0 N rising by 4.0 N/s towards RS1's 33.0 N")
+
+
 def test_a_reason_survives_being_kept_as_numbers():
     """What a loop wrote into a row reads as the same sentence."""
     for why in range(LOST + 1):
