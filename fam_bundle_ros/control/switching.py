@@ -175,8 +175,10 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
     margin, band = widths(settings, demand)
     recruit, width = math.nan, math.nan
     if state < len(machine.needed):
-        # A state is left where the demand exceeds its uncertainty; RS0 early if the demand rises.
-        early = state == 0 and demand.smooth_rate > at_rest(settings, table)
+        # A state is left where the demand exceeds its uncertainty. RS0 is left early, but after
+        # a release only if the demand rises: the vented force may be what it was released for.
+        early = state == 0 and (machine.direction == 0
+                                or demand.smooth_rate > at_rest(settings, table))
         recruit = table.top[state] + (-margin if early else margin)
         width = table.top[state] - table.crossing[state]
     release = release_level(settings, table, state, margin, band) - machine.ahead

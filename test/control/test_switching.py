@@ -147,7 +147,7 @@ def test_what_feedback_takes_away_is_no_demand_that_turned_back(made):
 def test_a_demand_that_stops_where_it_was_recruited_for_releases_nothing(made, rests, released):
     """Recruited at 240 N and 100 N/s: less its lead of 10 ms and the band of 2 N is 237 N."""
     machine = Machine(made(), 0)
-    assert machine.tell(2.0)[1]
+    assert machine.tell(1.0)[1]
     assert machine.machine.state == 1
     assert machine.tell(240.0, 100.0)[1]
     assert bool(machine.tell(rests, duration=5.0)[1]) == released
