@@ -136,6 +136,16 @@ def unadapted(table: Any, unit: int, force: float) -> float:
     return force / table.push[unit] if table.push[unit] > 0.0 else 0.0
 
 
+def limit_without_adaptation(table: Any, state: int) -> float:
+    """Return the largest force of RSk by the model without adaptation, N."""
+    total = 0.0
+    for k in range(len(table.order)):
+        unit = table.order[k]
+        total += unadapted(table, unit, table.top_force[unit] if k < state
+                           else table.rest_force[unit])
+    return total
+
+
 def _by_unit(table: Any, model: Any) -> None:
     """Fill the table unit by unit, and find the last of the smallest forces."""
     now = table.moment

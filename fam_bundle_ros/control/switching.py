@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from fam_bundle_ros.control.crossing import crossing_time
-from fam_bundle_ros.control.curves import reach_below
+from fam_bundle_ros.control.curves import limit_without_adaptation, reach_below
 from fam_bundle_ros.control.reasons import (
     ABSENT,
     AHEAD,
@@ -128,6 +128,10 @@ class MachineState:
         recruitment ahead of need. A demand that then stops rising must not release the unit.
     feedback : float, N
         Feedback part of the demand at the last recruitment.
+    short : float, N
+        `beyond` when the last unit was recruited because the state below it had reached its limit;
+        inf where it was recruited ahead of need. At this demand the state below does not have the
+        force, whatever the model says.
     wary : bool
         The last unit was recruited ahead of need in vain: no look-ahead.
     """
@@ -141,6 +145,7 @@ class MachineState:
     absent: float = 0.0
     ahead: float = 0.0
     feedback: float = 0.0
+    short: float = math.inf
     wary: bool = False
     margins: Margins = field(default_factory=Margins)
 
@@ -151,6 +156,7 @@ def start_machine(machine: Any, state: int) -> None:
         machine.reserve[k], machine.needed[k] = 0.0, 1
     machine.state, machine.direction, machine.since = state, 0, math.inf
     machine.calm = machine.absent = machine.ahead = machine.feedback = 0.0
+    machine.short = math.inf
     machine.wary = False
 
 
@@ -198,12 +204,13 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             machine.ahead = max(
                 release_level(settings, table, state + 1, margin, band) - least, 0.0)
             machine.feedback = demand.feedback
+            machine.short = beyond(table, demand, state) if why == BEYOND else math.inf
             switch(machine, 1)
             return
     # Margins cover model errors; below its floor the state cannot give the force in any case.
     level = release if settings.policy == NEGLECT else max(release, table.floor[state])
     if state > 0 and demand.force < level and (free or machine.direction == -1):
-        why = why_release(settings, machine, table, demand, release)
+        why = why_release(settings, machine, table, demand, release, band)
         if why != NONE:
             explain(reason, machine, table, demand, why, release)
             machine.ahead = 0.0
@@ -229,6 +236,11 @@ def release_level(settings: Any, table: Any, state: int, margin: float, band: fl
         dip = max(table.dip[table.order[state - 1]], 0.0)
         return table.top[state - 1] - margin - max(band, dip)
     return table.crossing[state - 1] - margin - band
+
+
+def beyond(table: Any, demand: Any, state: int) -> float:
+    """Return the demand without feedback minus the limit of a state without adaptation, N."""
+    return demand.force - demand.feedback - limit_without_adaptation(table, state)
 
 
 def at_rest(settings: Any, table: Any) -> float:
@@ -290,7 +302,8 @@ def rise_within(demand: Any, horizon: float) -> float:
     return turn * (demand.rate + turn * (slowing / 2.0 + turn * jerk / 6.0))
 
 
-def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: float) -> int:
+def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: float,
+                band: float) -> int:
     """Return the code of the reason to release the last unit, `NONE` for no."""
     last = machine.state - 1
     if settings.policy != REVERSAL_AWARE:
@@ -301,6 +314,8 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     spare = max(demand.doubt, reach_below(table, table.order[last]))
     if demand.force < table.floor[machine.state] - spare:
         return UNREACHABLE
+    if beyond(table, demand, last) > machine.short - band:
+        return NONE
     # A single lowered unit carries the whole force: released only when empty.
     alone = machine.state == 1 and table.lowered[table.order[last]] > 0
     if alone or not demand.force < release:

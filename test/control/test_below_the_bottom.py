@@ -9,6 +9,7 @@ import pytest
 from fam_bundle_ros.control import Measurement, RecruitmentController, Reference
 from fam_bundle_ros.control.curves import line_at, reach_below
 from fam_bundle_ros.control.inverse import lower, Shares
+from fam_bundle_ros.model import Bundle, catalogue
 
 DT = 4e-3
 
@@ -92,6 +93,36 @@ def test_a_demand_that_the_vented_bundle_meets_switches_nothing_on(paper_bundle,
         pressure = [p + 0.5 * (q - p) for p, q in zip(pressure, command.pressure)]
     assert states[-1] == 0
     assert states == sorted(states, reverse=True)
+
+
+@pytest.mark.parametrize('onset', [0.0, 60e3, 100e3])
+@pytest.mark.parametrize('strain', [0.12, 0.16])
+def test_a_muscle_that_pulls_before_its_model_does_is_not_switched_for_ever(
+        paper_bundle, strain, onset):
+    """
+    On slack ends MU2 pulls from a lower pressure than its model; the demand is 2 N beyond RS1.
+
+    In RS2 the feedback hides that RS1 does not have the force: at rest MU2 is not released.
+    """
+    model = Bundle('slack', paper_bundle.motor_units, [
+        *(each for each in paper_bundle.effects if each.name != 'resistive_buckling'),
+        catalogue.get('tendon_slack')()])
+    controller, limit = RecruitmentController(model), paper_bundle.max_pressure[0]
+
+    def truth(pressure):
+        first = model.unit_forces(strain, [pressure[0], 0.0])[0]
+        return 0.9 * float(first) + 2.7e-4 * max(pressure[1] - onset, 0.0)
+    wanted, pressures, states = truth([limit, 0.0]) + 2.0, [[0.0, 0.0]] * 3, []
+    for k in range(round(8.0 / DT)):
+        share = min(0.5 + 0.5 * k * DT, 1.0)
+        late = pressures[-3]
+        command = controller.update(DT, Measurement(truth(late), strain, 0.0, late), Reference(
+            'force', share * wanted, 0.5 * wanted if share < 1.0 else 0.0))
+        pressures.append([p + 0.4 * (q - p) for p, q in zip(pressures[-1], command.pressure)])
+        if k * DT > 4.0:
+            assert truth(late) == pytest.approx(wanted, abs=0.5)
+            states.append(command.state)
+    assert set(states) == {2}
 
 
 def test_a_lowered_unit_whose_bottom_is_gone_may_read_less_than_nothing(paper_bundle):
