@@ -115,7 +115,7 @@ def test_monitor_refuses_a_model_of_other_motor_units(graph, tmp_path):
 
 
 def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
-    """With the true model the residual is noise; with hidden friction it is well above."""
+    """With hidden friction the residual is well above the noise; the true model's is a third."""
     hidden = tmp_path / 'hidden.yaml'
     save_model(load_model(config_path('models/spie2021.yaml')).with_effect(
         'coulomb_friction', force=6.0).named('hidden'), hidden)
@@ -135,7 +135,8 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     values = np.array([m.wrench.force.x for m in residuals[100:]])
     floor = noise_floor(values)
     assert floor == pytest.approx(0.5, rel=0.3)
-    assert np.sqrt(np.mean(values ** 2)) > 4 * floor
+    without = np.sqrt(np.mean(values ** 2))
+    assert without > 4 * floor
 
     def text():
         return [m.status[0].message for m in diagnostics
@@ -146,9 +147,10 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     worker = monitor._diagnosing._worker
     assert graph.set('model_monitor', model=str(hidden))[0].successful
     count = len(residuals)
-    graph.advance(rig, 0.5)
+    # up and down once
+    graph.advance(rig, 2.0)
     values = np.array([m.wrench.force.x for m in residuals[count + 20:]])
-    assert np.sqrt(np.mean(values ** 2)) < 3 * floor
+    assert np.sqrt(np.mean(values ** 2)) < without / 3
     assert monitor.watch.bundle.name == 'hidden'
     assert monitor.watch.holding.holds
     monitor.stop()
