@@ -213,7 +213,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
         why = why_release(settings, machine, table, demand, release, band)
         if why != NONE:
             explain(reason, machine, table, demand, why, release)
-            machine.ahead = 0.0
+            machine.ahead, machine.short = 0.0, math.inf
             switch(machine, -1)
 
 
