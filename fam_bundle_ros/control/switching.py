@@ -128,10 +128,10 @@ class MachineState:
         recruitment ahead of need. A demand that then stops rising must not release the unit.
     feedback : float, N
         Feedback part of the demand at the last recruitment.
-    short : float, N
-        `beyond` when the last unit was recruited because the state below it had reached its limit;
-        inf where it was recruited ahead of need. At this demand the state below does not have the
-        force, whatever the model says.
+    excess : float, N
+        `excess_over` the state below when the last unit was recruited since that state was at its
+        limit; inf where it was recruited ahead of need. At this demand the state below does not
+        have the force, whatever the model says.
     wary : bool
         The last unit was recruited ahead of need in vain: no look-ahead.
     """
@@ -145,7 +145,7 @@ class MachineState:
     absent: float = 0.0
     ahead: float = 0.0
     feedback: float = 0.0
-    short: float = math.inf
+    excess: float = math.inf
     wary: bool = False
     margins: Margins = field(default_factory=Margins)
 
@@ -156,7 +156,7 @@ def start_machine(machine: Any, state: int) -> None:
         machine.reserve[k], machine.needed[k] = 0.0, 1
     machine.state, machine.direction, machine.since = state, 0, math.inf
     machine.calm = machine.absent = machine.ahead = machine.feedback = 0.0
-    machine.short = math.inf
+    machine.excess = math.inf
     machine.wary = False
 
 
@@ -204,7 +204,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             machine.ahead = max(
                 release_level(settings, table, state + 1, margin, band) - least, 0.0)
             machine.feedback = demand.feedback
-            machine.short = beyond(table, demand, state) if why == BEYOND else math.inf
+            machine.excess = excess_over(table, demand, state) if why == BEYOND else math.inf
             switch(machine, 1)
             return
     # Margins cover model errors; below its floor the state cannot give the force in any case.
@@ -213,7 +213,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
         why = why_release(settings, machine, table, demand, release, band)
         if why != NONE:
             explain(reason, machine, table, demand, why, release)
-            machine.ahead, machine.short = 0.0, math.inf
+            machine.ahead, machine.excess = 0.0, math.inf
             switch(machine, -1)
 
 
@@ -238,7 +238,7 @@ def release_level(settings: Any, table: Any, state: int, margin: float, band: fl
     return table.crossing[state - 1] - margin - band
 
 
-def beyond(table: Any, demand: Any, state: int) -> float:
+def excess_over(table: Any, demand: Any, state: int) -> float:
     """Return the demand without feedback minus the limit of a state without adaptation, N."""
     return demand.force - demand.feedback - limit_without_adaptation(table, state)
 
@@ -314,7 +314,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     spare = max(demand.doubt, reach_below(table, table.order[last]))
     if demand.force < table.floor[machine.state] - spare:
         return UNREACHABLE
-    if beyond(table, demand, last) > machine.short - band:
+    if excess_over(table, demand, last) > machine.excess - band:
         return NONE
     # A single lowered unit carries the whole force: released only when empty.
     alone = machine.state == 1 and table.lowered[table.order[last]] > 0

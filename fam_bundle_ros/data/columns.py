@@ -89,8 +89,9 @@ class _Reader:
         low, high = pressure.min(axis=0), pressure.max(axis=0)
         highest = int(np.argmax(low))
         header = self.choices.chosen[self.choices.pressures[highest]].header or ''
-        # MU, muscle, Muskel, ...: a motor unit that is on throughout
-        if len(low) == 1 or low[highest] < 0.8 * high.max() or 'mu' in header.casefold():
+        # a motor unit that is on throughout
+        of_muscle = re.search(r'mus[ck]|(?<![a-z])mu(?![a-z])', header.casefold())
+        if len(low) == 1 or low[highest] < 0.8 * high.max() or of_muscle:
             return []
         return [f'pressure {highest + 1} of {len(low)} never is below {low[highest] / 1e3:.4g} '
                 'kPa, where the others hardly get: is it a supply? Tell the others (--columns)']

@@ -43,7 +43,8 @@ def test_what_may_be_misread_is_asked(log, changed, words):
 
 
 @pytest.mark.parametrize(('header', 'asked'), [
-    ('p2 [kPa]', True), ('pressure.mu2 [kPa]', False), ('Druck Muskel 2 [kPa]', False)])
+    ('p2 [kPa]', True), ('accumulator pressure 2 [kPa]', True), ('pressure.mu2 [kPa]', False),
+    ('Druck Muskel 2 [kPa]', False)])
 def test_a_pressure_that_stays_high_may_be_a_supply_unless_its_name_is_a_muscles(
         log, header, asked):
     """Orderly recruitment keeps the first motor unit near its limit; `record` names it."""
