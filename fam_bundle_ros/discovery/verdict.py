@@ -279,16 +279,15 @@ def _effect_of_pressure(fitter: Fitter, null: Fit) -> float:
 
 
 def _refusals(physics: Fit, held: HeldOut, pressure: float) -> tuple[str, ...]:
+    # `held` has errors of cells; those of rows are told with the recommendation
     found = []
     for name, words in (('mean', 'the mean force'), ('plane', 'a plane')):
         if held.physics >= held.rivals[name]:
-            found.append(f'on held-out folds the error of the effects is {held.physics:.3g} N, '
-                         f'that of {words} {held.rivals[name]:.3g} N')
+            found.append(f'on held-out folds {words} predicts no worse than the effects')
     if pressure > held.blind <= held.physics:
         found.append(f'the pressures in the data change the force of the model by {pressure:.3g} '
-                     f'N, but on held-out folds the error of a curve of the strain alone is '
-                     f'{held.blind:.3g} N, that of the effects {held.physics:.3g} N: check that '
-                     'the pressure is that of this muscle')
+                     'N, but on held-out folds a curve of the strain alone predicts no worse than '
+                     'the effects: check that the pressure is that of this muscle')
     return (*found, *_impossible(physics))
 
 
@@ -300,8 +299,8 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
     own = {prior.key for prior in physics.priors if prior.own}
     found += [words for key, words in implausible_constants(physics).items() if key in own]
     if held.physics > held.rivals['empirical']:
-        found.append(f'on held-out folds the error of the effects is {held.physics:.3g} N, that '
-                     f'of a six-parameter empirical form {held.rivals["empirical"]:.3g} N')
+        found.append('on held-out folds a six-parameter empirical form predicts better than the '
+                     'effects')
     return tuple(found)
 
 
