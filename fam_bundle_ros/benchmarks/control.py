@@ -134,7 +134,7 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
     InputError
         For a name that is not known.
     """
-    model, plant = model_of(case.units), plant_of(case.plant, case.units)
+    model, plant = model_of(case.plant, case.units), plant_of(case.plant, case.units)
     trajectory = make_trajectory(case.trajectory, model, plant,
                                  long=case.plant == 'noise' and case.trajectory == 'dwell_edge')
     common = {'plant': case.plant, 'trajectory': case.trajectory, 'units': case.units,

@@ -25,7 +25,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import ForeignPlant
 
 #: Grid of the tables: first strain and pressure (Pa), steps, counts.
-STRAINS, PRESSURES = (-0.06, 0.005, 85), (0.0, 5e3, 95)
+STRAINS, PRESSURES = (-0.06, 0.005, 85), (0.0, 5e3, 141)
 #: Radius and rest length of the muscle to which forces and volumes below apply, m.
 _RADIUS, _LENGTH = 6.35e-3, 0.127
 #: Stiffness of the ends of one such muscle, N per strain.
@@ -69,21 +69,52 @@ class Wrong:
 
 def muscle_plant(model: Bundle, wrong: Wrong) -> ForeignPlant:
     """Return a plant with the sizes of a model and the differences ``wrong``."""
-    n = model.n
-    strain = STRAINS[0] + STRAINS[1] * np.arange(STRAINS[2])
-    pressure = PRESSURES[0] + PRESSURES[1] * np.arange(PRESSURES[2])
-    sizes = [unit.muscles * (unit.geometry.radius / _RADIUS) ** 2 for unit in model.motor_units]
+    strain, pressure = grid()
+    sizes = sizes_of(model)
     if wrong.own_surface:
         force = np.multiply.outer(sizes, own_tension(strain[:, None], pressure))
         gas = np.multiply.outer(sizes, own_volume(strain))
     else:
-        grid = np.broadcast_to(pressure[:, None], (len(pressure), n))
-        force = np.moveaxis(model.unit_forces(strain[:, None], grid), -1, 0)
+        all_units = np.broadcast_to(pressure[:, None], (len(pressure), model.n))
+        force = np.moveaxis(model.unit_forces(strain[:, None], all_units), -1, 0)
         gas = model.gas_volume(strain).T
+    return table_plant(model, wrong, force, gas)
+
+
+def grid() -> tuple[np.ndarray, np.ndarray]:
+    """Return strains and pressures (Pa) of the tables."""
+    return tuple(first + step * np.arange(count) for first, step, count in (STRAINS, PRESSURES))
+
+
+def sizes_of(model: Bundle) -> list[float]:
+    """Return the area of each motor unit, relative to that of one muscle of 6.35 mm."""
+    return [unit.muscles * (unit.geometry.radius / _RADIUS) ** 2 for unit in model.motor_units]
+
+
+def ends_of(size: float) -> float:
+    """Return the stiffness of a motor unit's ends, N per strain."""
+    return _ENDS * size
+
+
+def table_plant(model: Bundle, wrong: Wrong, force: np.ndarray, gas: np.ndarray) -> ForeignPlant:
+    """
+    Return a plant of given surfaces.
+
+    Parameters
+    ----------
+    model : Bundle
+        Sizes, length, largest pressures and names of its units are taken.
+    wrong : Wrong
+    force : ndarray (n, strains, pressures), N
+        Tension of the braid of each motor unit on the `grid`.
+    gas : ndarray (n, strains), m^3
+        Gas volume of each motor unit.
+    """
+    sizes = sizes_of(model)
     folded = np.where(force < 0.0, _FOLDED * force, force)
     shape = [[1.0 + (wrong.scale if i % 2 else -wrong.scale), wrong.friction * size, wrong.slide,
-              _ENDS * size, float(wrong.snap)] for i, size in enumerate(sizes)]
-    tables = np.concatenate([[n], force.ravel(), folded.ravel(), gas.ravel()]).tolist()
+              ends_of(size), float(wrong.snap)] for i, size in enumerate(sizes)]
+    tables = np.concatenate([[model.n], force.ravel(), folded.ravel(), gas.ravel()]).tolist()
     return ForeignPlant(muscle_force, muscle_volume, model.length, model.max_pressure.tolist(),
                         model.names, memory=4, tables=tables, shape=shape)
 
@@ -93,8 +124,12 @@ def own_tension(strain: np.ndarray, pressure: np.ndarray) -> np.ndarray:
     area = math.pi * _RADIUS ** 2
     lever = 3.75 * np.maximum(1.0 - strain / 0.295, 0.0) ** 1.1 + np.minimum(strain, 0.0) * 9.0
     wall = 20.0 * np.tanh(strain / 0.045) + 45.0 * strain
-    tension = area * pressure * lever - wall
-    most = 2.0 + 10.0 * -np.expm1(-pressure / 140e3)
+    return pushing_back(area * pressure * lever - wall, pressure)
+
+
+def pushing_back(tension: np.ndarray, pressure: np.ndarray, size: float = 1.0) -> np.ndarray:
+    """Return a tension, N, whose negative values saturate at the push-back of the muscle."""
+    most = size * (2.0 + 10.0 * -np.expm1(-pressure / 140e3))
     return np.where(tension > 0.0, tension, most * np.tanh(tension / most))
 
 

@@ -87,7 +87,8 @@ def pressure_gains(delay: float) -> PidGains:
 
 def pid_settings(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig:
     """Return the settings of pressure loops for a plant: nominal valve, true dead time."""
-    config = pid_config(replace(rig, valve=RigConfig().valve), PID_PERIOD, noise_factor)
+    nominal = replace(RigConfig().valve, conductance=rig.valve.conductance)
+    config = pid_config(replace(rig, valve=nominal), PID_PERIOD, noise_factor)
     return replace(config, transport_delay=delay)
 
 
@@ -115,7 +116,7 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
                               baseline=baseline,
                               outer=OuterConfig(feedback=controller.feedback, delay=kind.delay),
                               adaptation=AdaptationConfig(enabled=controller.feedback))
-    return ClosedLoop(plant_of(plant, units), model_of(units), config, kind.rig,
+    return ClosedLoop(plant_of(plant, units), model_of(plant, units), config, kind.rig,
                       PERIOD, PID_PERIOD, pressure_gains(kind.delay),
                       pid_settings(kind.rig, kind.delay, kind.noise_factor),
                       kind.noise_factor * noise, seed, deviation=deviation,
@@ -143,7 +144,7 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
     k : float
         Factor of the loop gain.
     """
-    model, true = model_of(units), plant_of(plant, units)
+    model, true = model_of(plant, units), plant_of(plant, units)
     if kind == 'force':
         top = top_force(STRAIN, model, true)
         points = [(share * top, _STEP_SHARE * top, Dynamometer(strain=STRAIN))
@@ -268,5 +269,5 @@ def _gains(kind, shape, factor) -> BaselineConfig:
 def _cost(plant, units, controller, baseline, judge) -> float:
     """Return squared error times air of a run."""
     log = loop_of(plant, units, controller, baseline).run(
-        make_trajectory(judge, model_of(units), plant_of(plant, units)))
+        make_trajectory(judge, model_of(plant, units), plant_of(plant, units)))
     return float(np.mean(log.error ** 2) * (log.air[-1] - log.air[0]))

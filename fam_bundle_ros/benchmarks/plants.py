@@ -3,24 +3,39 @@
 """
 Plants of the control benchmark that differ from the controller's model.
 
-Each except ``nominal`` has one difference, ``everything`` has all. The muscles (`foreign_muscle`)
-use the interface of foreign plants and share no law with the catalogue. Differences between muscle
-and controller (dead time, lag, valve, line) are configuration of the rig. Controllers know only
-the model, the supply, the nominal valve and the dead time.
+Each except ``nominal`` has one difference, ``everything`` has all, and so has ``measured``, a
+bundle of a measured muscle with the model that `diagnose` makes of it. The muscles
+(`foreign_muscle`, `measured_muscle`) use the interface of foreign plants and share no law with the
+catalogue. Differences between muscle and controller (dead time, lag, valve, line) are
+configuration of the rig. Controllers know only the model, the supply, the nominal valve and the
+dead time.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from fam_bundle_ros.benchmarks.foreign_muscle import muscle_plant, Wrong
+from fam_bundle_ros.benchmarks.measured_muscle import (
+    diagnosed_bundle,
+    MAX_PRESSURE,
+    measured_plant,
+)
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
-from fam_bundle_ros.plant import ChamberConfig, RigConfig, SensorConfig, SupplyConfig, ValveConfig
+from fam_bundle_ros.plant import (
+    ChamberConfig,
+    rig_for,
+    RigConfig,
+    SensorConfig,
+    SupplyConfig,
+    ValveConfig,
+)
 from fam_bundle_ros.resources import config_path
 
 MODEL = 'models/spie2021_plain.yaml'
@@ -36,6 +51,22 @@ SLUGGISH = SensorConfig(force_lag=4e-3, pressure_lag=2e-3, strain_lag=1e-3, forc
                         pressure_resolution=500.0, strain_resolution=1e-4)
 STICKY = ValveConfig(dead_band=0.07, hysteresis=0.03, bandwidth=90.0)
 NARROW = ChamberConfig(tube_volume=7e-6, line_volume=3e-6, line_conductance=5e-9)
+#: Gas volume of a DMSP-20 relative to that of the paper's muscle: valves and lines in proportion.
+_LARGER = 3.5
+
+
+@cache
+def paper_bundle(units: int) -> Bundle:
+    """Return the bundle of `MODEL`, or one of other sizes (`UNITS`) with its effects."""
+    paper = load_model(config_path(MODEL))
+    if units == paper.n:
+        return paper
+    if units not in _SIZES:
+        raise InputError(f'{units} motor units; expected one of {", ".join(map(str, UNITS))}')
+    return Bundle(f'{units} units', [
+        MotorUnit(f'mu{k + 1}', muscles, Geometry(radius, 0.127, math.radians(33.0),
+                                                  0.25 * radius), 344.7e3)
+        for k, (radius, muscles) in enumerate(_SIZES[units])], paper.effects)
 
 
 @dataclass(frozen=True)
@@ -51,6 +82,10 @@ class PlantKind:
     rig : RigConfig
         With its dead times.
     noise_factor : float
+    bundle : callable
+        Returns the controller's model for a number of motor units.
+    plant : callable
+        Returns a plant for that model and the differences ``muscle``.
     """
 
     name: str
@@ -58,6 +93,8 @@ class PlantKind:
     muscle: Wrong | None = None
     rig: RigConfig = field(default_factory=RigConfig)
     noise_factor: float = 1.0
+    bundle: Callable[[int], Bundle] = paper_bundle
+    plant: Callable[[Bundle, Wrong], Any] = muscle_plant
 
     @property
     def delay(self) -> float:
@@ -73,11 +110,31 @@ def _late(delay: float, sensors: SensorConfig = SensorConfig(),
                      **more)
 
 
+def _larger(rig: RigConfig) -> RigConfig:
+    """Return a rig with its valves and lines enlarged for a DMSP-20, and supply for it."""
+    valve, chamber, usual = rig.valve, rig.chamber, rig_for(
+        SimpleNamespace(max_pressure=[MAX_PRESSURE]))
+    return replace(
+        rig, trip_pressure=usual.trip_pressure,
+        supply=replace(rig.supply, pressure=usual.supply.pressure,
+                       resistance=rig.supply.resistance / _LARGER),
+        valve=replace(valve, conductance=_LARGER * valve.conductance),
+        chamber=replace(chamber, relief_pressure=usual.chamber.relief_pressure,
+                        tube_volume=_LARGER * chamber.tube_volume,
+                        line_volume=_LARGER * chamber.line_volume,
+                        line_conductance=_LARGER * chamber.line_conductance))
+
+
+#: Rig of the plants with all differences.
+_ALL = _late(10e-3, SLUGGISH, STICKY, chamber=NARROW, supply=SupplyConfig(resistance=3e6))
+
 PLANTS = {kind.name: kind for kind in (
     PlantKind('everything', 'all of the following at once, with a dead time of 10 ms',
-              Wrong(own_surface=True, snap=True, scale=0.06, friction=2.5, slide=3e-4),
-              _late(10e-3, SLUGGISH, STICKY, chamber=NARROW,
-                    supply=SupplyConfig(resistance=3e6))),
+              Wrong(own_surface=True, snap=True, scale=0.06, friction=2.5, slide=3e-4), _ALL),
+    PlantKind('measured', 'a measured Festo DMSP-20 with all other differences, and the model '
+              'that `diagnose` makes of its map',
+              Wrong(snap=True, scale=0.06, friction=2.5, slide=3e-4), _larger(_ALL),
+              bundle=diagnosed_bundle, plant=measured_plant),
     PlantKind('surface', 'realistic surface of tension and push-back instead of the laws',
               Wrong(own_surface=True)),
     PlantKind('snap', 'push-back drops when a muscle folds, and returns with hysteresis',
@@ -116,25 +173,16 @@ def kind_of(name: str) -> PlantKind:
     return PLANTS[name]
 
 
-@cache
-def model_of(units: int) -> Bundle:
-    """Return the controller's model: the bundle of `MODEL`, or one of other sizes (`UNITS`)."""
-    paper = load_model(config_path(MODEL))
-    if units == paper.n:
-        return paper
-    if units not in _SIZES:
-        raise InputError(f'{units} motor units; expected one of {", ".join(map(str, UNITS))}')
-    return Bundle(f'{units} units', [
-        MotorUnit(f'mu{k + 1}', muscles, Geometry(radius, 0.127, math.radians(33.0),
-                                                  0.25 * radius), 344.7e3)
-        for k, (radius, muscles) in enumerate(_SIZES[units])], paper.effects)
+def model_of(name: str, units: int) -> Bundle:
+    """Return the model of the controller of a plant."""
+    return kind_of(name).bundle(units)
 
 
 @cache
 def plant_of(name: str, units: int) -> Any:
     """Return the Bundle or ForeignPlant of a plant's rig."""
-    kind, model = kind_of(name), model_of(units)
-    return model if kind.muscle is None else muscle_plant(model, kind.muscle)
+    kind, model = kind_of(name), model_of(name, units)
+    return model if kind.muscle is None else kind.plant(model, kind.muscle)
 
 
 def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
@@ -154,7 +202,7 @@ def model_error(name: str, units: int) -> float:
     Over slow pressure sweeps, up and down and from unit to unit in the order of recruitment, at
     constant strains: it includes friction and snap, but not dead time and lag.
     """
-    model, plant = model_of(units), plant_of(name, units)
+    model, plant = model_of(name, units), plant_of(name, units)
     if plant is model:
         return 0.0
     shares = np.concatenate([np.linspace(0.0, units, 60 * units),

@@ -13,7 +13,7 @@ from fam_bundle_ros import kernels
 from fam_bundle_ros.benchmarks import speed_peers
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
 from fam_bundle_ros.benchmarks.margins import CONTROLLERS as NAMED
-from fam_bundle_ros.benchmarks.plants import model_of
+from fam_bundle_ros.benchmarks.plants import paper_bundle
 from fam_bundle_ros.benchmarks.speed import best, elsewhere, Figure, Row, where_of
 from fam_bundle_ros.control import ControllerConfig
 from fam_bundle_ros.model import Bundle
@@ -51,7 +51,7 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
     budget, least : float, s, and int
         See `best`.
     """
-    bundle, found = model_of(units), {}
+    bundle, found = paper_bundle(units), {}
     for name in trajectories:
         trajectory = make_trajectory(name, bundle)
         trajectory = replace(trajectory, duration=max(0.1, scale * trajectory.duration),
@@ -87,7 +87,7 @@ def _slowest(what: str, found: dict[str, float], reach: float) -> Figure:
 
 def where(scale: float) -> str:
     """Return where a run of the slower trajectory spends its time."""
-    bundle = model_of(2)
+    bundle = paper_bundle(2)
     loop = ClosedLoop(bundle, seed=1)
     trajectory = replace(make_trajectory(TRAJECTORIES[1], bundle), duration=8.0 * scale)
     loop.run(trajectory)
@@ -115,7 +115,7 @@ def against_solvers(scale: float) -> list[Figure]:
     The solvers get the loop's valve commands, and the loosest tolerance at which they are as
     accurate as the loop, relative to a fine solution.
     """
-    bundle = model_of(2)
+    bundle = paper_bundle(2)
     duration = max(0.5 * scale, 0.02)
     loop, trajectory = case(bundle, duration)
     log = loop.run(trajectory)

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from fam_bundle_ros.benchmarks.plants import model_of
+from fam_bundle_ros.benchmarks.plants import paper_bundle
 from fam_bundle_ros.benchmarks.speed import best, Figure, paired, Row, where_of
 from fam_bundle_ros.model import Bundle, catalogue, Motion, Place
 
@@ -65,12 +65,12 @@ def whole_catalogue(bundle: Bundle) -> Bundle:
 def forces(scale: float) -> list[Figure]:
     """Return the time of a million forces, mesh and bladder and the whole catalogue."""
     rows = max(int(_ROWS * scale), 1000)
-    simple, motion = model_of(2).without_effect('resistive_buckling'), motion_of(rows)
+    simple, motion = paper_bundle(2).without_effect('resistive_buckling'), motion_of(rows)
     strain, pressure = motion.strain, motion.pressure
     hand, ours = by_hand(simple, strain, pressure), simple.force(strain, pressure)
     if not np.allclose(hand, ours, rtol=1e-9, atol=1e-9):
         raise AssertionError('the force by hand is not that of the bundle')
-    whole = whole_catalogue(model_of(2))
+    whole = whole_catalogue(paper_bundle(2))
     by_numpy, packaged, all_laws = paired(
         [lambda: by_hand(simple, strain, pressure), lambda: simple.force(strain, pressure),
          lambda: whole.simulate(motion)], budget=2.0 * scale, least=2)
@@ -83,13 +83,13 @@ def forces(scale: float) -> list[Figure]:
 
 def where_forces(scale: float) -> str:
     """Return where the whole catalogue spends its time."""
-    whole, motion = whole_catalogue(model_of(2)), motion_of(max(int(0.2 * _ROWS * scale), 1000))
+    whole, motion = whole_catalogue(paper_bundle(2)), motion_of(max(int(0.2 * _ROWS * scale), 1000))
     return where_of(lambda: whole.simulate(motion))
 
 
 def fit_case(scale: float) -> tuple[Bundle, Motion, list[str]]:
     """Return a bundle, a log and twelve parameters to be fitted."""
-    bundle = model_of(2).with_effect('coulomb_friction', force=3.0).with_effect(
+    bundle = paper_bundle(2).with_effect('coulomb_friction', force=3.0).with_effect(
         'viscous_damping')
     keys = [f'{effect.name}.{parameter.name}' for effect in bundle.effects
             for parameter in effect.parameters]

@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from fam_bundle_ros.benchmarks import control
-from fam_bundle_ros.benchmarks.plants import model_of
+from fam_bundle_ros.benchmarks.plants import paper_bundle
 from fam_bundle_ros.benchmarks.speed import Figure, Row, where_of
 from fam_bundle_ros.model import Bundle, Motion
 
@@ -51,7 +51,7 @@ def diagnose_seconds(length: int) -> float:
     """Return the time that `diagnose` takes on a simulated log of loops at seven isobars."""
     from fam_bundle_ros.data.measurement import build
     from fam_bundle_ros.discovery import diagnose
-    paper = model_of(2)
+    paper = paper_bundle(2)
     model = Bundle('one_muscle', paper.motor_units[:1], paper.effects)
     time_s = 0.01 * np.arange(length)
     turn = 2.0 * np.pi * 14.0 * np.arange(length) / length

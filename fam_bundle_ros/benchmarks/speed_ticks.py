@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.benchmarks.plants import model_of
+from fam_bundle_ros.benchmarks.plants import paper_bundle
 from fam_bundle_ros.benchmarks.speed import best, elsewhere, Figure, Row, where_of
 from fam_bundle_ros.benchmarks.speed_loop import case
 from fam_bundle_ros.control import (
@@ -32,7 +32,7 @@ _PERIOD = 2e-3
 
 
 def _controller(ticks: int) -> tuple[Callable[..., Any], list[tuple[Measurement, Reference]]]:
-    bundle = model_of(2)
+    bundle = paper_bundle(2)
     loop, trajectory = case(bundle, ticks * _PERIOD)
     log = loop.run(trajectory)
     rate = np.gradient(log.strain, _PERIOD)
@@ -72,7 +72,7 @@ def _work(ticks: int) -> dict[str, Callable[[], None]]:
         for measured, reference in inputs:
             tick(_PERIOD, measured, reference)
 
-    rig = Rig(model_of(2), RigConfig(), seed=0)
+    rig = Rig(paper_bundle(2), RigConfig(), seed=0)
 
     def simulate() -> None:
         for k in range(ticks):
@@ -84,7 +84,7 @@ def _work(ticks: int) -> dict[str, Callable[[], None]]:
         for k in range(ticks):
             loop.update(1e5 + 50.0 * k, 1e5 + 49.0 * k, _PERIOD)
 
-    six = _allocator(model_of(6))
+    six = _allocator(paper_bundle(6))
     return {'controller': control, 'allocation': partial(_allocate, *six, ticks),
             'rig': simulate, 'pid': regulate}
 

@@ -218,7 +218,7 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
     """Return one run of the benchmark by calls and over ROS in lock-step, at the same rate."""
     from fam_bundle_ros.benchmarks.control_metrics import metrics
     from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
-    from fam_bundle_ros.benchmarks.plants import model_of
+    from fam_bundle_ros.benchmarks.plants import paper_bundle
     from fam_bundle_ros.control import PidGains
     from fam_bundle_ros.plant import RigConfig
     from fam_bundle_ros.simulation import ClosedLoop, pid_config
@@ -227,7 +227,7 @@ def _over_ros(seed: int) -> list[dict[str, Any]]:
     except ModuleNotFoundError as error:
         notes.print(f'no row over ROS: {error.name} is not installed')
         return []
-    bundle, rig, period = model_of(2), RigConfig(), 2e-3
+    bundle, rig, period = paper_bundle(2), RigConfig(), 2e-3
     # The gains of the benchmark, and in both runs the common rate of the nodes.
     gains, config = PidGains(), pid_config(rig, period)
     trajectory = make_trajectory('ramp_20', bundle)

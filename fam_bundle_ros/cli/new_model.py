@@ -13,6 +13,8 @@ from fam_bundle_ros.cli.common import (
     console,
     JsonFile,
     notes,
+    open_model,
+    quantity,
     save_json,
     table,
     wrote,
@@ -26,6 +28,10 @@ def new_model(
                                                )] = None,
     part: Annotated[str | None, typer.Option(metavar='NAME', help='Part of the catalogue, such as '
                                              'dmsp-20 (--list).')] = None,
+    start: Annotated[str | None, typer.Option('--from', metavar='MODEL', help='Model of one '
+                                              'muscle, such as `diagnose --model-out` writes: its '
+                                              'geometry and effects for all motor units of a '
+                                              'bundle, with --muscles and --max-pressure.')] = None,
     radius: Annotated[str | None, typer.Option(metavar='LENGTH', help='Initial outer radius, half '
                                                'the diameter: "6.35 mm".')] = None,
     length: Annotated[str | None, typer.Option(metavar='LENGTH', help='Active length between the '
@@ -72,6 +78,9 @@ def new_model(
         raise InputError(f'{out}: exists already; expected another name, or --force')
     given = {'radius': radius, 'length': length, 'braid_angle': braid_angle,
              'wall_thickness': wall, 'muscles': muscles, 'max_pressure': max_pressure}
+    if start is not None:
+        _write_bundle(out, start, {**given, 'part': part, 'effect': effects}, name, json_file)
+        return
     if ask is None:
         ask = sys.stdin.isatty() and sys.stdout.isatty()
     if ask and part is None and not any(given.values()):
@@ -101,6 +110,32 @@ def new_model(
     console.print(f'next: [bold]fam_bundle diagnose DATA --model {escape(str(out))}[/bold]',
                   soft_wrap=True)
     save_json(json_file, {'out': out, 'name': bundle.name, 'values': values, 'sources': sources,
+                          'effects': [effect.name for effect in bundle.effects]})
+
+
+def _write_bundle(out: Path, start: str, given: dict, name: str | None,
+                  json_file: Path | None) -> None:
+    """Write the bundle of a model of one muscle."""
+    from fam_bundle_ros.model import own_muscle, save_model
+    muscles, pressure = given.pop('muscles'), given.pop('max_pressure')
+    for key, value in given.items():
+        if value:
+            option = key.replace('_thickness', '').replace('_', '-')
+            raise InputError(f'--{option}: not with --from, whose muscle has one already; '
+                             'expected --muscles, --max-pressure and --name only')
+    muscle = open_model(start)
+    bundle = own_muscle.bundle_of(
+        muscle, name or out.stem, own_muscle.counted(muscles or '1', '--muscles'),
+        None if pressure is None else quantity(pressure, 'kPa', '--max-pressure'))
+    save_model(bundle, out)
+    console.print(escape(own_muscle.muscle_words(bundle)), soft_wrap=True)
+    left = [effect.name for effect in muscle.effects if effect not in bundle.effects]
+    if left:
+        notes.print(f'left out, as it belongs to the sensors: {", ".join(left)}', style='dim')
+    wrote(out)
+    console.print(f'next: [bold]fam_bundle run --model {escape(str(out))}[/bold]', soft_wrap=True)
+    save_json(json_file, {'out': out, 'name': bundle.name, 'from': start,
+                          'values': own_muscle.dimensions_of(bundle),
                           'effects': [effect.name for effect in bundle.effects]})
 
 

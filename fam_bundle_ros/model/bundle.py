@@ -157,8 +157,8 @@ class Bundle:
 
     # --- force ---------------------------------------------------------------------------------
 
-    def unit_forces(self, strain: ArrayLike, pressure: ArrayLike, strain_rate: ArrayLike = 0.0
-                    ) -> np.ndarray:
+    def unit_forces(self, strain: ArrayLike, pressure: ArrayLike, strain_rate: ArrayLike = 0.0,
+                    warn: bool = True) -> np.ndarray:
         """
         Return the tension of each motor unit at equilibrium, N.
 
@@ -168,12 +168,17 @@ class Bundle:
         pressure : array_like (..., n), Pa (gauge)
         strain_rate : array_like (...), 1/s
             Losses without memory (friction, damping) act at this rate.
+        warn : bool
+            Warn, once, if a table of the model is asked outside its range.
 
         Returns
         -------
         array (..., n)
         """
         self._check_width(pressure)
+        if warn:
+            self._muscles.warn_outside(np.asarray(strain, float)[..., None],
+                                       np.asarray(pressure, float))
         return self._muscles.at_rest(strain, pressure, strain_rate)
 
     def force(self, strain: ArrayLike, pressure: ArrayLike, strain_rate: ArrayLike = 0.0

@@ -87,7 +87,6 @@ class Muscles:
     def at_rest(self, strain, pressure, strain_rate) -> np.ndarray:
         """Return the forces (..., n) at equilibrium."""
         strain, pressure, strain_rate = given = _columns(strain, pressure, strain_rate)
-        self._warn_outside(strain, pressure)
         shape = np.broadcast_shapes(*(item.shape[:-1] for item in given))
         if math.prod(shape) > rows.BLOCK:
             strain, pressure, strain_rate = (
@@ -110,7 +109,7 @@ class Muscles:
         """Return the forces at the next sample and the state after it; see `Bundle.step`."""
         start = not state['begun']
         time = 0.0 if start else state['time'] + dt
-        self._warn_outside(strain, pressure)
+        self.warn_outside(strain, pressure)
         memory = state['memory']
         if pressure.ndim == 1:
             after = [list(row) for row in memory]
@@ -130,12 +129,12 @@ class Muscles:
 
     def record(self, motion: Motion) -> np.ndarray:
         """Return the forces (T, n) over a record."""
-        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
+        self.warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
         return rows.unit_forces(self, motion)
 
     def reading(self, motion: Motion, keys: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Return the load cell's reading (T,) and its derivatives (T, K); see `rows.reading`."""
-        self._warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
+        self.warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
         return rows.reading(self, motion, keys)
 
     def gas(self, what: str, strain, pressure) -> np.ndarray:
@@ -151,7 +150,8 @@ class Muscles:
         shape = np.broadcast_shapes(*(np.shape(item) for item in like))
         return self.shape[MUSCLES] * np.broadcast_to(value, shape)
 
-    def _warn_outside(self, strain, pressure):
+    def warn_outside(self, strain, pressure) -> None:
+        """Warn, once, about strains and pressures (Pa) that a table of the model lacks."""
         for table in self._tabled:
             table.warn_outside(strain, pressure)
 

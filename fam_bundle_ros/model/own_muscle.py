@@ -7,7 +7,7 @@ Values are texts with units, as a user types them; the file states the source of
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import textwrap
 from types import MappingProxyType
 
@@ -17,6 +17,7 @@ from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.geometry import Geometry, geometry_problem
+from fam_bundle_ros.model.laws.base import Place
 from fam_bundle_ros.model.modelfile import FORMAT
 from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
 from fam_bundle_ros.units import express, parse, spaced
@@ -164,17 +165,61 @@ def fitted_bundle(name: str, values: Mapping[str, str], effects: Sequence,
     if problem:
         raise InputError(f'{named(entries[problem[0]])}: {problem[1]}; it is '
                          f"'{values[problem[0]].strip()}'")
-    if not 0.0 < pressure <= MAX_PRESSURE:
-        raise InputError(f"{named(entries['max_pressure'])}: must lie between 0 and "
-                         f"{MAX_PRESSURE / 1e6:g} MPa; it is '{values['max_pressure'].strip()}'")
-    counts = [word.strip() for word in values['muscles'].split(',')]
-    for word in counts:
-        if not (word.isdecimal() and 1 <= int(word) <= MOST_MUSCLES):
-            raise InputError(f"{named(entries['muscles'])}: '{word}' is not a whole number from "
-                             f"1; expected one for each motor unit, for example '1, 2'")
+    _check_pressure(pressure, named(entries['max_pressure']))
+    counts = counted(values['muscles'], named(entries['muscles']))
     geometry = Geometry(**numbers)
-    return Bundle(name, [MotorUnit(f'mu{k + 1}', int(word), geometry, pressure)
-                         for k, word in enumerate(counts)], effects, notes=notes)
+    return Bundle(name, [MotorUnit(f'mu{k + 1}', count, geometry, pressure)
+                         for k, count in enumerate(counts)], effects, notes=notes)
+
+
+def _check_pressure(pressure: float, named: str) -> None:
+    if not 0.0 < pressure <= MAX_PRESSURE:
+        raise InputError(f'{named}: must lie between 0 and {MAX_PRESSURE / 1e6:g} MPa; it is '
+                         f"'{express(pressure, 'kPa')}'")
+
+
+def counted(text: str, named: str) -> tuple[int, ...]:
+    """Return the number of muscles of each motor unit from a text such as '1, 2'."""
+    words = [word.strip() for word in text.split(',')]
+    for word in words:
+        if not (word.isdecimal() and 1 <= int(word) <= MOST_MUSCLES):
+            raise InputError(f"{named}: '{word}' is not a whole number from 1; expected one for "
+                             "each motor unit, for example '1, 2'")
+    return tuple(map(int, words))
+
+
+def bundle_of(muscle: Bundle, name: str, counts: Sequence[int],
+              max_pressure: float | None = None) -> Bundle:
+    """
+    Return a bundle of equal muscles, with geometry and effects of the model of one muscle.
+
+    Effects of the sensors, which belong to the rig of the measurement, are not taken over.
+
+    Parameters
+    ----------
+    muscle : Bundle
+        With one motor unit, for example from `fam_bundle_ros.diagnose`.
+    name : str
+    counts : sequence of int
+        Number of muscles of each motor unit, in the order of recruitment.
+    max_pressure : float, Pa (gauge), optional
+        That of ``muscle`` by default.
+
+    Raises
+    ------
+    InputError
+        For a model of several motor units, or a pressure out of range.
+    """
+    if muscle.n != 1:
+        raise InputError(f'{muscle.name}: has {muscle.n} motor units; expected the model of one '
+                         'muscle')
+    unit = muscle.motor_units[0]
+    if max_pressure is not None:
+        _check_pressure(max_pressure, 'max_pressure')
+        unit = replace(unit, max_pressure=max_pressure)
+    return Bundle(name, [replace(unit, name=f'mu{k + 1}', muscles=count)
+                         for k, count in enumerate(counts)],
+                  [effect for effect in muscle.effects if effect.place is not Place.SENSOR])
 
 
 def _effect(name: str):

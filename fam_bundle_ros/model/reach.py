@@ -27,16 +27,20 @@ def free_strain(bundle: Bundle, pressure: ArrayLike, highest: float = 0.45) -> n
     highest : float
         Largest strain; the result is NaN if the force is still positive there.
     """
+    def force_at(strain, pressure):
+        # the search leaves the range of a table
+        return bundle.unit_forces(strain, pressure, warn=False).sum(axis=-1)
+
     pressure = np.asarray(pressure, float)
     grid = np.linspace(-0.02, highest, 471)
-    force = bundle.force(grid, pressure[..., None, :])
+    force = force_at(grid, pressure[..., None, :])
     fallen = force <= 1e-9
     index = np.argmax(fallen, axis=-1)
     low = grid[np.maximum(index - 1, 0)]
     high = grid[index]
     for _ in range(30):
         middle = 0.5 * (low + high)
-        positive = bundle.force(middle, pressure) > 1e-9
+        positive = force_at(middle, pressure) > 1e-9
         low, high = np.where(positive, middle, low), np.where(positive, high, middle)
     return np.where(fallen.any(axis=-1), 0.5 * (low + high), np.nan)
 

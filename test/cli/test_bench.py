@@ -28,7 +28,7 @@ TINY = 0.02
 @pytest.fixture(scope='module')
 def bundle():
     """Return the bundle of two motor units."""
-    return plants.model_of(2)
+    return plants.paper_bundle(2)
 
 
 def test_bench_writes_table_page_and_numbers(fam_bundle, tmp_path):

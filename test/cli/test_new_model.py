@@ -8,7 +8,7 @@ import json
 import pytest
 
 from fam_bundle_ros.cli import common
-from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model import load_model, save_model
 
 OPTIONS = ['--radius', '6.35mm', '--length', '127 mm', '--braid-angle', '33deg', '--wall',
            '1,59 mm', '--muscles', '1,1', '--max-pressure', '50 psi']
@@ -78,6 +78,39 @@ def test_a_mistake_names_the_option_and_writes_nothing(fam_bundle, tmp_path, arg
     result = fam_bundle('new-model', *arguments)
     assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 1
+    assert [word for word in words if word not in result.stderr] == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_measured_muscle_becomes_a_bundle_of_such_muscles(fam_bundle, tmp_path):
+    """Each unit pulls as its number of muscles; what belongs to the load cell stays behind."""
+    fam_bundle('new-model', 'muscle.yaml', *OPTIONS, '--muscles', '1', '--effect', 'mesh',
+               '--effect', 'bladder_elasticity')
+    muscle = load_model(tmp_path / 'muscle.yaml').with_parameters(
+        {'bladder_elasticity.c10': 99e3, 'geometry.radius': 6.1e-3}).with_effect(
+            'force_sensor_bias', bias=3.0)
+    save_model(muscle, tmp_path / 'muscle.yaml')
+    made = fam_bundle('new-model', 'bundle.yaml', '--from', 'muscle.yaml', '--muscles', '1,2',
+                      '--max-pressure', '300 kPa')
+    assert made.returncode == 0, made.stderr
+    assert 'left out, as it belongs to the sensors: force_sensor_bias' in made.stderr
+    bundle = load_model(tmp_path / 'bundle.yaml')
+    one = float(muscle.force(0.1, [2e5]))
+    assert bundle.unit_forces(0.1, [2e5, 2e5]) == pytest.approx([one, 2.0 * one])
+    assert bundle.max_pressure == pytest.approx([300e3, 300e3])
+    assert [effect.name for effect in bundle.effects] == ['mesh', 'bladder_elasticity']
+
+
+@pytest.mark.parametrize(('options', 'words'), [
+    (['--from', 'spie2021'], ['spie2021', '2 motor units']),
+    (['--from', 'dmsp20_static_map', '--radius', '5 mm'], ['--radius', '--from']),
+    (['--from', 'dmsp20_static_map', '--part', 'dmsp-20'], ['--part', '--from']),
+    (['--from', 'dmsp20_static_map', '--muscles', '1,0'], ["--muscles: '0'"]),
+    (['--from', 'dmsp20_static_map', '--max-pressure', '0 kPa'], ['max_pressure', "'0 kPa'"])])
+def test_a_bundle_that_cannot_be_made_is_not_written(fam_bundle, tmp_path, options, words):
+    """One line says which option, and what is expected."""
+    result = fam_bundle('new-model', 'bundle.yaml', *options)
+    assert result.returncode == 2
     assert [word for word in words if word not in result.stderr] == []
     assert list(tmp_path.iterdir()) == []
 

@@ -27,7 +27,7 @@ from fam_bundle_ros.benchmarks.margins import (
     loop_of,
     settles,
 )
-from fam_bundle_ros.benchmarks.plants import model_of, plant_of, PLANTS, UNITS
+from fam_bundle_ros.benchmarks.plants import paper_bundle, plant_of, PLANTS, UNITS
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import RigConfig
@@ -81,7 +81,7 @@ def test_same_seed_gives_the_same_rows_and_another_does_not():
 @pytest.fixture(scope='module')
 def begun():
     """Return the first 1.3 s of every trajectory on every plant, with the nominal reference."""
-    model = model_of(2)
+    model = paper_bundle(2)
     found = {}
     for name in TRAJECTORIES:
         trajectory = replace(make_trajectory(name, model), duration=1.3, prepare=0.5)
@@ -104,7 +104,7 @@ def test_every_plant_differs_from_nominal_on_every_trajectory(begun, name):
 @pytest.mark.parametrize('name', TRAJECTORIES)
 def test_rates_of_trajectories_are_their_derivatives(name):
     """The rate that goes with a reference is the slope of its value; a step has none."""
-    trajectory = make_trajectory(name, model_of(2))
+    trajectory = make_trajectory(name, paper_bundle(2))
     for t in np.linspace(0.013, trajectory.duration - 0.011, 60):
         slope = (trajectory.value(t + 1e-5) - trajectory.value(t - 1e-5)) / 2e-5
         assert trajectory.rate(t) == pytest.approx(slope, rel=1e-3, abs=1e-3)
@@ -114,7 +114,7 @@ def test_rates_of_trajectories_are_their_derivatives(name):
 @pytest.mark.parametrize('plant', ['everything', 'units_10'])
 def test_plant_and_model_can_both_give_what_is_asked(plant, units):
     """Force references stay within what both can give at their strain, whatever the size."""
-    model, true = model_of(units), plant_of(plant, units)
+    model, true = paper_bundle(units), plant_of(plant, units)
     for name in TRAJECTORIES:
         trajectory = make_trajectory(name, model, true)
         if trajectory.kind != 'force':
@@ -128,7 +128,7 @@ def test_plant_and_model_can_both_give_what_is_asked(plant, units):
 def test_ramps_have_the_rate_of_their_name():
     """5, 20 and 80 N/s, up and down."""
     for name in ('ramp_5', 'ramp_20', 'ramp_80'):
-        trajectory = make_trajectory(name, model_of(6))
+        trajectory = make_trajectory(name, paper_bundle(6))
         rates = {abs(round(trajectory.rate(t), 6))
                  for t in np.linspace(0.0, trajectory.duration, 500)}
         assert rates == {0.0, float(name.split('_')[1])}
@@ -259,12 +259,12 @@ def test_errors_at_switches_are_those_in_our_windows():
     ours, beside = log_of(up, dipped), log_of(np.zeros(300, int), wavy)
     assert compared(ours, ours, beside)['error_there'] == 5.0
     assert compared(beside, ours, beside)['error_there'] == 2.0
-    assert row_of(ours, model_of(2), RigConfig())['dip_depth'] == 5.0
+    assert row_of(ours, paper_bundle(2), RigConfig())['dip_depth'] == 5.0
 
 
 def test_air_at_the_start_counts_as_if_filled_then():
     """What the first pressures hold is drawn air too: p V/(g R T) of each unit."""
-    model = model_of(2)
+    model = paper_bundle(2)
     volume = float(model.gas_volume(0.1)[0]) + 5e-6
     expected = 3e5 * volume / (1.2 * 287.05 * 293.15)
     assert held_air(model, np.array([1e5, 2e5]), 0.1, 5e-6) == pytest.approx(expected)
@@ -274,7 +274,7 @@ def test_air_at_the_start_counts_as_if_filled_then():
 
 
 @pytest.mark.parametrize(('make', 'word'), [
-    (lambda: make_trajectory('loop', model_of(2)), 'expected one of ramp_5'),
+    (lambda: make_trajectory('loop', paper_bundle(2)), 'expected one of ramp_5'),
     (lambda: run_benchmark([Case('perfect', 'moved', 2, ())]), 'expected one of everything'),
     (lambda: run_benchmark([Case('nominal', 'ramp_80', 2, ('pid',))], 1), 'expected one of rev'),
 ])
@@ -291,7 +291,7 @@ def test_a_load_is_not_driven_on_where_push_back_collapses(plant):
 
     The load goes ahead by no more than 0.3 %, and by four times what it moves in the dead time.
     """
-    model, true = model_of(6), plant_of(plant, 6)
+    model, true = paper_bundle(6), plant_of(plant, 6)
     loop = loop_of(plant, 6, CONTROLLERS['reversal_aware'], BaselineConfig())
     # compiling the loop for another number of units takes longer than running its first second
     loop.compiled = False

@@ -17,7 +17,15 @@ from fam_bundle_ros.benchmarks.foreign_muscle import (
     tension,
     Wrong,
 )
-from fam_bundle_ros.benchmarks.plants import kind_of, model_error, model_of, PLANTS, sweep, UNITS
+from fam_bundle_ros.benchmarks.plants import (
+    kind_of,
+    model_error,
+    paper_bundle,
+    plant_of,
+    PLANTS,
+    sweep,
+    UNITS,
+)
 from fam_bundle_ros.errors import InputError
 
 LENGTH = 0.127
@@ -37,7 +45,7 @@ def cycle(seed, count=6000):
 @pytest.mark.parametrize('name', MUSCLES)
 def test_no_cycle_of_strain_and_pressure_gives_more_work_than_the_surface(name):
     """Over closed cycles the muscle gives no more work than its table along the braid's path."""
-    plant = muscle_plant(model_of(2), MUSCLES[name])
+    plant = plant_of(name, 2)
     model = plant.model(False)
     strain, pressure = (np.concatenate([part] * 3) for part in cycle(1))
     given = table = 0.0
@@ -68,7 +76,7 @@ def test_no_cycle_of_strain_and_pressure_gives_more_work_than_the_surface(name):
 def test_friction_acts_at_constant_strain(name):
     """A pressure that goes up and down at one strain leaves a loop of twice the friction."""
     wrong = MUSCLES[name]
-    plant = muscle_plant(model_of(2), Wrong(wrong.own_surface, False, 0.0, wrong.friction,
+    plant = muscle_plant(paper_bundle(2), Wrong(wrong.own_surface, False, 0.0, wrong.friction,
                                             wrong.slide))
     up = np.linspace(150e3, 300e3, 400)
     pressure = np.concatenate([up, up[::-1]])[:, None] * [1.0, 0.0]
@@ -79,7 +87,7 @@ def test_friction_acts_at_constant_strain(name):
 
 def test_a_short_slide_is_a_play_in_pressure():
     """Turned round, the pressure goes back by 2 Fc/(df/dp) before the force answers."""
-    plant = muscle_plant(model_of(2), MUSCLES['play'])
+    plant = muscle_plant(paper_bundle(2), MUSCLES['play'])
     up = np.linspace(150e3, 300e3, 301)
     pressure = np.concatenate([up, up[::-1]])[:, None] * [1.0, 0.0]
     force = sweep(plant, np.full(602, 0.1), pressure)
@@ -92,8 +100,8 @@ def test_a_short_slide_is_a_play_in_pressure():
 
 def test_a_folded_muscle_pushes_back_less_and_unfolds_later():
     """On the way back the push-back stays small below the strain at which it fell."""
-    plant = muscle_plant(model_of(2), Wrong(snap=True))
-    straight = muscle_plant(model_of(2), Wrong())
+    plant = muscle_plant(paper_bundle(2), Wrong(snap=True))
+    straight = muscle_plant(paper_bundle(2), Wrong())
     strain = np.concatenate([np.linspace(0.02, 0.08, 300), np.linspace(0.08, 0.02, 300)])
     force, usual = (sweep(each, strain, np.zeros((600, 2))) for each in (plant, straight))
     kept = force / usual
@@ -125,7 +133,7 @@ def test_model_on_the_plant_with_all_wrong_is_off_by_7_newton():
 
 def test_a_plant_of_nothing_wrong_is_the_model():
     """The table alone gives the model's forces to a few tenths of a newton, and its volumes."""
-    model = model_of(3)
+    model = paper_bundle(3)
     plant = muscle_plant(model, Wrong())
     rng = np.random.default_rng(3)
     strain, pressure = rng.uniform(0.0, 0.25, 200), rng.uniform(0.0, 340e3, (200, 3))
@@ -139,7 +147,7 @@ def test_a_plant_of_nothing_wrong_is_the_model():
 @pytest.mark.skipif(kernels.numba() is None, reason='numba is not installed')
 def test_compiled_muscle_is_the_plain_one():
     """Forces and memory along a cycle agree."""
-    plant = muscle_plant(model_of(2), MUSCLES['everything'])
+    plant = muscle_plant(paper_bundle(2), MUSCLES['everything'])
     plain, quick = plant.model(False), plant.model(True)
     one_step = kernels.compiled(_force)
     strain, pressure = cycle(5, 300)
@@ -163,4 +171,4 @@ def test_plant_that_there_is_not_fails():
     with pytest.raises(InputError, match='expected one of everything'):
         kind_of('perfect')
     with pytest.raises(InputError, match='4 motor units; expected one of 2, 3, 6'):
-        model_of(4)
+        paper_bundle(4)

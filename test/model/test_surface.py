@@ -72,6 +72,13 @@ def test_noise_at_its_edge_is_none(table, strain, pressure):
     assert surface.force(strain, [pressure]) == pytest.approx(surface.force(*inside))
 
 
+@pytest.mark.filterwarnings('error')
+def test_the_search_for_the_free_strain_is_no_question_about_the_outside(table):
+    """It looks from -2 % to 45 % strain; what it finds lies in the table."""
+    _, surface = table
+    assert 0.0 < float(surface.free_strain([2e5])) < 0.3
+
+
 def test_extrapolation_warns_once_and_holds_the_edge(table):
     """A table does not know what lies outside it."""
     _, surface = table
