@@ -25,6 +25,9 @@ FLAT = 1e-9
 #: A curve that rises by less than this share of its slope further up counts as flat: a muscle with
 #: the slope further up there has a loop gain beyond any usual gain margin.
 _STEEP_SHARE = 0.1
+#: Bisections within a cell of the table: at its free strain a muscle's curve has a kink of up to
+#: 20 N/kPa.
+HALVINGS = 6
 
 
 @dataclass
@@ -177,13 +180,14 @@ def _by_rows(table: Any, model: Any) -> None:
 tabulate = Alternative(_by_unit, _by_rows)
 
 
-def find_branches(table: Any, asleep: Any) -> None:
+def find_branches(table: Any, model: Any, asleep: Any) -> None:
     """
     Find the rising branches, and what RS0..RSn can give.
 
     Parameters
     ----------
     table : CurveTable
+    model : Belief
     asleep : list (n,) of int
         1 for units that were not useful in the tick before; updated.
     """
@@ -199,8 +203,10 @@ def find_branches(table: Any, asleep: Any) -> None:
         table.rest_force[unit] = rest
         table.bottom_force[unit], table.bottom_pressure[unit] = curve[bottom], \
             table.grid[unit][bottom]
+        if useful:
+            end_in_cell(table, model, unit)
         table.top_force[unit] = curve[last] if useful else rest
-        table.dip[unit] = rest - curve[bottom]
+        table.dip[unit] = rest - table.bottom_force[unit]
         total += rest
     table.top[0] = table.floor[0] = total
     gain = dips = 0.0
@@ -233,6 +239,22 @@ def end_of_flat(table: Any, unit: int) -> int:
             break
         end += 1
     return end
+
+
+def end_in_cell(table: Any, model: Any, unit: int) -> None:
+    """Move a unit's bottom to the end of the flat within its cell of the table, by bisection."""
+    grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
+    low, high = grid[bottom], grid[bottom + 1]
+    lowest, highest = curve[bottom], curve[len(grid) - 1]
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        force = unit_force(table, model, unit, middle)
+        if ((force - lowest) * (grid[-1] - middle)
+                > _STEEP_SHARE * (highest - force) * (middle - grid[bottom])):
+            high = middle
+        else:
+            low = middle
+            table.bottom_pressure[unit], table.bottom_force[unit] = middle, force
 
 
 def top_at(table: Any, model: Any, state: int, strain: float) -> float:

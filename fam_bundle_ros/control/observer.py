@@ -177,13 +177,15 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     missing = math.copysign(max(abs(missing) - late, 0.0), missing)
     if abs(missing) > reach:
         missing = 0.0
-    state.short += low_pass(dt, _SHORT * time) * (missing - state.short)
+    share = low_pass(dt, _SHORT * time)
+    state.short += share * (missing - state.short)
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
     # Where the model error is known to vary, the shrinkage threshold is low.
     found = shrink(average(state), quick_of(state),
                    _SURELY * (1.0 - state.weight) * quick_noise_square)
-    state.bias = found - state.short * beyond_noise(state.short_power, quick_noise_square)
+    state.bias = found - state.short * beyond_noise(state.short_power,
+                                                    noise * share / (2.0 - share))
 
 
 def quick_of(state: Any) -> float:
