@@ -18,6 +18,7 @@ from fam_bundle_ros.data.formats.long import wide
 from fam_bundle_ros.data.formats.stacking import parts_of_one, unstacked
 from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.titles import titled
+from fam_bundle_ros.data.formats.unit_columns import with_unit_columns
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
 from fam_bundle_ros.resources import data_path
@@ -227,7 +228,7 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
     else:
         table = of_frame(source, name or 'frame')
     told = recipe.columns
-    for change in (oldest_first, with_stamps, wide, titled, unstacked):
+    for change in (oldest_first, with_stamps, wide, with_unit_columns, titled, unstacked):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
         asked = any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone

@@ -19,6 +19,7 @@ from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers, 
 from fam_bundle_ros.data.cells import labels as trial_labels
 from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
 from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
+from fam_bundle_ros.data.formats.unit_columns import in_one_unit, NAMES
 from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import InputError
@@ -29,7 +30,6 @@ _SIGNAL = frozenset("""signal signalname signalid tag tagname tagid variable var
     measurement point pointname key kanal messgroesse messstelle groesse""".split())
 _VALUE = frozenset("""value val varvalue reading tagvalue wert messwert istwert numericvalue
     floatvalue valor valeur""".split())
-_UNIT = frozenset('unit units einheit unite unidad'.split())
 #: Columns that say whether a reading is good, and how.
 _QUALITY = frozenset('quality validity valid opcquality status'.split())
 _GOOD = frozenset('good ok valid true 1 192'.split())
@@ -70,13 +70,18 @@ def wide(table: Table) -> Table:
     if clock.header:
         columns[clock.header] = clock.times[first]
     headers = unique([*columns, *names])[len(columns):]
-    for k, header in enumerate(headers):
-        columns[header] = _spread(cells[labels == k], place[labels == k], len(first))
     units = {header: unit for header, unit in table.units.items() if header in columns}
     units |= {clock.header: clock.unit} if clock.unit else {}
-    units |= _units(table, others, rows, labels, headers)
+    unit_column = next((header for header in others if _key(header) in NAMES), None)
+    for k, header in enumerate(headers):
+        mine = labels == k
+        values = cells[mine]
+        told = table.columns[unit_column][rows][mine] if unit_column is not None else ()
+        if any(not blank(text) and is_unit(str(text)) for text in set(told)):
+            values, units[header] = in_one_unit(table.name, header, values, told, at[mine])
+        columns[header] = _spread(values, place[mine], len(first))
     unread = [repr(header) for header in others if not is_unnamed(header)
-              and header not in (*columns, *qualities, clock.source) and _key(header) not in _UNIT]
+              and header not in (*columns, *qualities, clock.source, unit_column)]
     notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
              + (f"; not used: {', '.join(unread)}" if unread else '')]
     if bad.any():
@@ -232,14 +237,3 @@ def _spread(cells: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
         values = cells
     column[place] = values
     return column
-
-
-def _units(table: Table, others: Sequence[str], rows: np.ndarray, labels: np.ndarray,
-           headers: Sequence[str]) -> dict[str, str]:
-    """Return the unit of each signal, where a column tells one."""
-    unit = next((header for header in others if _key(header) in _UNIT), None)
-    if unit is None:
-        return {}
-    cells = table.columns[unit][rows]
-    return {header: str(text).strip() for k, header in enumerate(headers)
-            if not blank(text := cells[np.argmax(labels == k)]) and is_unit(str(text))}
