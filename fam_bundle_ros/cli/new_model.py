@@ -32,6 +32,10 @@ def new_model(
                                               'muscle, such as `diagnose --model-out` writes: its '
                                               'geometry and effects for all motor units of a '
                                               'bundle, with --muscles and --max-pressure.')] = None,
+    tendons: Annotated[bool, typer.Option('--tendons', help='With --from: the ends of the bundle '
+                                          'transmit tension only. Otherwise a muscle that was '
+                                          'measured in tension only pushes back where it is '
+                                          'slack.')] = False,
     radius: Annotated[str | None, typer.Option(metavar='LENGTH', help='Initial outer radius, half '
                                                'the diameter: "6.35 mm".')] = None,
     length: Annotated[str | None, typer.Option(metavar='LENGTH', help='Active length between the '
@@ -79,7 +83,8 @@ def new_model(
     given = {'radius': radius, 'length': length, 'braid_angle': braid_angle,
              'wall_thickness': wall, 'muscles': muscles, 'max_pressure': max_pressure}
     if start is not None:
-        _write_bundle(out, start, {**given, 'part': part, 'effect': effects}, name, json_file)
+        _write_bundle(out, start, {**given, 'part': part, 'effect': effects}, tendons, name,
+                      json_file)
         return
     if ask is None:
         ask = sys.stdin.isatty() and sys.stdout.isatty()
@@ -113,25 +118,28 @@ def new_model(
                           'effects': [effect.name for effect in bundle.effects]})
 
 
-def _write_bundle(out: Path, start: str, given: dict, name: str | None,
+def _write_bundle(out: Path, start: str, given: dict, tendons: bool, name: str | None,
                   json_file: Path | None) -> None:
     """Write the bundle of a model of one muscle."""
-    from fam_bundle_ros.model import own_muscle, save_model
+    from fam_bundle_ros.model import own_muscle, Place, save_model
     muscles, pressure = given.pop('muscles'), given.pop('max_pressure')
     for key, value in given.items():
         if value:
             option = key.replace('_thickness', '').replace('_', '-')
             raise InputError(f'--{option}: not with --from, whose muscle has one already; '
-                             'expected --muscles, --max-pressure and --name only')
+                             'expected --muscles, --max-pressure, --tendons and --name only')
     muscle = open_model(start)
     bundle = own_muscle.bundle_of(
         muscle, name or out.stem, own_muscle.counted(muscles or '1', '--muscles'),
-        None if pressure is None else quantity(pressure, 'kPa', '--max-pressure'))
+        None if pressure is None else quantity(pressure, 'kPa', '--max-pressure'), tendons)
     save_model(bundle, out)
     console.print(escape(own_muscle.muscle_words(bundle)), soft_wrap=True)
-    left = [effect.name for effect in muscle.effects if effect not in bundle.effects]
-    if left:
-        notes.print(f'left out, as it belongs to the sensors: {", ".join(left)}', style='dim')
+    for effect in muscle.effects:
+        if effect not in bundle.effects:
+            why = ('belongs to the sensors' if effect.place is Place.SENSOR else 'not so between '
+                   'rigid ends (--tendons keeps it): the push-back, which was not measured, is '
+                   'resistive_plateau with wide intervals; the controller adapts it')
+            notes.print(f'{effect.name} is left out: {why}', style='dim', soft_wrap=True)
     wrote(out)
     console.print(f'next: [bold]fam_bundle run --model {escape(str(out))}[/bold]', soft_wrap=True)
     save_json(json_file, {'out': out, 'name': bundle.name, 'from': start,

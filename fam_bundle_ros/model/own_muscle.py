@@ -16,6 +16,7 @@ import yaml
 from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
+from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.geometry import Geometry, geometry_problem
 from fam_bundle_ros.model.laws.base import Place
 from fam_bundle_ros.model.modelfile import FORMAT
@@ -189,11 +190,13 @@ def counted(text: str, named: str) -> tuple[int, ...]:
 
 
 def bundle_of(muscle: Bundle, name: str, counts: Sequence[int],
-              max_pressure: float | None = None) -> Bundle:
+              max_pressure: float | None = None, tendons: bool = False) -> Bundle:
     """
     Return a bundle of equal muscles, with geometry and effects of the model of one muscle.
 
-    Effects of the sensors, which belong to the rig of the measurement, are not taken over.
+    Effects of the sensors, which belong to the rig of the measurement, are not taken over. A
+    muscle that was only pulled appears slack where nothing was measured. Between rigid ends it
+    pushes back there: slack is replaced by `unmeasured_push_back`.
 
     Parameters
     ----------
@@ -204,6 +207,8 @@ def bundle_of(muscle: Bundle, name: str, counts: Sequence[int],
         Number of muscles of each motor unit, in the order of recruitment.
     max_pressure : float, Pa (gauge), optional
         That of ``muscle`` by default.
+    tendons : bool
+        The ends of the bundle transmit tension only: slack is kept.
 
     Raises
     ------
@@ -217,9 +222,12 @@ def bundle_of(muscle: Bundle, name: str, counts: Sequence[int],
     if max_pressure is not None:
         _check_pressure(max_pressure, 'max_pressure')
         unit = replace(unit, max_pressure=max_pressure)
+    effects = [effect for effect in muscle.effects if effect.place is not Place.SENSOR]
+    if not tendons and any(effect.law.family == 'slack' for effect in effects):
+        effects = [effect for effect in effects if effect.law.family != 'slack']
+        effects.append(unmeasured_push_back())
     return Bundle(name, [replace(unit, name=f'mu{k + 1}', muscles=count)
-                         for k, count in enumerate(counts)],
-                  [effect for effect in muscle.effects if effect.place is not Place.SENSOR])
+                         for k, count in enumerate(counts)], effects)
 
 
 def _effect(name: str):
@@ -261,6 +269,18 @@ def muscle_words(bundle: Bundle) -> str:
         groups.setdefault(f'{count}, {words}', []).append(unit.name)
     return f'{bundle.name}: ' + '; '.join(f'{", ".join(names)} of {words}'
                                           for words, names in groups.items())
+
+
+def unmeasured_push_back() -> Effect:
+    """
+    Return the push-back of a muscle that was measured in tension only.
+
+    The 95 % intervals of its parameters go from none to four times the default, a standard
+    deviation of 100 %: a controller starts from them, and adapts.
+    """
+    effect = catalogue.get('resistive_plateau')()
+    effect.intervals = {name: (0.0, 4.0 * value) for name, value in effect.values.items()}
+    return effect
 
 
 def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, str],

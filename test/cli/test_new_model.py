@@ -4,10 +4,13 @@
 
 import io
 import json
+import math
 
 import pytest
 
 from fam_bundle_ros.cli import common
+from fam_bundle_ros.control import RecruitmentController
+from fam_bundle_ros.control.adaptation import USUAL_PUSH
 from fam_bundle_ros.model import load_model, save_model
 
 OPTIONS = ['--radius', '6.35mm', '--length', '127 mm', '--braid-angle', '33deg', '--wall',
@@ -93,12 +96,26 @@ def test_a_measured_muscle_becomes_a_bundle_of_such_muscles(fam_bundle, tmp_path
     made = fam_bundle('new-model', 'bundle.yaml', '--from', 'muscle.yaml', '--muscles', '1,2',
                       '--max-pressure', '300 kPa')
     assert made.returncode == 0, made.stderr
-    assert 'left out, as it belongs to the sensors: force_sensor_bias' in made.stderr
+    assert 'force_sensor_bias is left out: belongs to the sensors' in made.stderr
     bundle = load_model(tmp_path / 'bundle.yaml')
     one = float(muscle.force(0.1, [2e5]))
     assert bundle.unit_forces(0.1, [2e5, 2e5]) == pytest.approx([one, 2.0 * one])
     assert bundle.max_pressure == pytest.approx([300e3, 300e3])
     assert [effect.name for effect in bundle.effects] == ['mesh', 'bladder_elasticity']
+
+
+def test_a_slack_muscle_pushes_back_between_rigid_ends_but_not_on_tendons(fam_bundle, tmp_path):
+    """In tension only nothing shows the push-back: its default, less sure than a law's usually."""
+    fam_bundle('new-model', 'muscle.yaml', *OPTIONS, '--muscles', '1', '--effect', 'mesh',
+               '--effect', 'bladder_elasticity', '--effect', 'tendon_slack')
+    for options, least in (([], -2.88 - 0.35 * math.pi * 6.35e-3 ** 2 * 1e5), (['--tendons'], 0.0)):
+        made = fam_bundle('new-model', 'bundle.yaml', '--from', 'muscle.yaml', '--muscles', '1,1',
+                          '--force', *options)
+        assert ('tendon_slack is left out' in made.stderr) == (not options)
+        bundle = load_model(tmp_path / 'bundle.yaml')
+        assert bundle.unit_forces(0.3, [1e5, 1e5]) == pytest.approx([least, least])
+        spread = RecruitmentController(bundle).settings.adaptation.spread[2]
+        assert spread == USUAL_PUSH if options else spread > 1.1 * USUAL_PUSH
 
 
 @pytest.mark.parametrize(('options', 'words'), [
