@@ -188,7 +188,7 @@ class Allocator:
         model = self._at_rest if memory is None else self._stepping._replace(
             memory=memory['memory'])
         tabulate(table, model)
-        find_branches(table, model, [0] * len(self.order) if asleep is None
+        find_branches(table, [0] * len(self.order) if asleep is None
                       else [int(each) for each in asleep])
         return Curves(table, model)
 

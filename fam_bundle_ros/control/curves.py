@@ -25,9 +25,6 @@ FLAT = 1e-9
 #: A curve that rises by less than this share of its slope further up counts as flat: a muscle with
 #: the slope further up there has a loop gain beyond any usual gain margin.
 _STEEP_SHARE = 0.1
-#: Bisections within a cell of the table: at its free strain a muscle's curve has a kink of up to
-#: 20 N/kPa.
-HALVINGS = 6
 
 
 @dataclass
@@ -180,14 +177,13 @@ def _by_rows(table: Any, model: Any) -> None:
 tabulate = Alternative(_by_unit, _by_rows)
 
 
-def find_branches(table: Any, model: Any, asleep: Any) -> None:
+def find_branches(table: Any, asleep: Any) -> None:
     """
     Find the rising branches, and what RS0..RSn can give.
 
     Parameters
     ----------
     table : CurveTable
-    model : Belief
     asleep : list (n,) of int
         1 for units that were not useful in the tick before; updated.
     """
@@ -201,12 +197,11 @@ def find_branches(table: Any, model: Any, asleep: Any) -> None:
         bottom = table.bottom[unit]
         table.useful[unit], asleep[unit] = (1, 0) if useful else (0, 1)
         table.rest_force[unit] = rest
-        table.bottom_force[unit], table.bottom_pressure[unit] = curve[bottom], \
-            table.grid[unit][bottom]
-        if useful:
-            end_in_cell(table, model, unit)
+        table.bottom_force[unit] = curve[bottom]
+        table.bottom_pressure[unit] = (kink_in_cell(table.grid[unit], curve, bottom) if useful
+                                       else table.grid[unit][0])
         table.top_force[unit] = curve[last] if useful else rest
-        table.dip[unit] = rest - table.bottom_force[unit]
+        table.dip[unit] = rest - curve[bottom]
         total += rest
     table.top[0] = table.floor[0] = total
     gain = dips = 0.0
@@ -241,20 +236,20 @@ def end_of_flat(table: Any, unit: int) -> int:
     return end
 
 
-def end_in_cell(table: Any, model: Any, unit: int) -> None:
-    """Move a unit's bottom to the end of the flat within its cell of the table, by bisection."""
-    grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
-    low, high = grid[bottom], grid[bottom + 1]
-    lowest, highest = curve[bottom], curve[len(grid) - 1]
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        force = unit_force(table, model, unit, middle)
-        if ((force - lowest) * (grid[-1] - middle)
-                > _STEEP_SHARE * (highest - force) * (middle - grid[bottom])):
-            high = middle
-        else:
-            low = middle
-            table.bottom_pressure[unit], table.bottom_force[unit] = middle, force
+def kink_in_cell(grid: Any, curve: Any, bottom: int) -> float:
+    """
+    Return the pressure (Pa) at which a curve begins to rise, within the cell after its bottom.
+
+    There the line of the next cell reaches the force of the bottom: at a muscle's free strain the
+    curve has a kink.
+    """
+    if bottom + 2 >= len(grid):
+        return grid[bottom]
+    rise, step = curve[bottom + 2] - curve[bottom + 1], grid[bottom + 2] - grid[bottom + 1]
+    first = curve[bottom + 1] - curve[bottom]
+    if not 0.0 < first * step < rise * (grid[bottom + 1] - grid[bottom]):
+        return grid[bottom]
+    return grid[bottom + 1] - first * step / rise
 
 
 def top_at(table: Any, model: Any, state: int, strain: float) -> float:

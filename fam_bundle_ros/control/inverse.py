@@ -6,7 +6,11 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from fam_bundle_ros.control.curves import FLAT, force_at, HALVINGS, reach_below, unit_force
+from fam_bundle_ros.control.curves import FLAT, force_at, reach_below, unit_force
+
+#: Bisections within a cell of the table: at its free strain a muscle's curve has a kink of up to
+#: 20 N/kPa.
+_HALVINGS = 6
 
 
 @dataclass
@@ -40,7 +44,7 @@ def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: fl
     low, high, low_force, high_force : float, Pa and N
         The cell and the forces at its ends: below ``wanted``, and at least ``wanted``.
     """
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         force = common_force(table, model, units, first, last, middle)
         if force < wanted:

@@ -181,7 +181,7 @@ def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command
     if settings.scheme != ALL_ON:
         set_moment(table, measurement.strain, 0.0, 0.0, 0.0, True)
         tabulate(table, model)
-        find_branches(table, model, state.asleep)
+        find_branches(table, state.asleep)
         # A unit on its falling branch counts as off: it will be vented or crossed again.
         on = 0
         for k in range(len(table.order)):
@@ -275,7 +275,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     if follows:
         outer.target.force -= destabilising_force(table, model, command.pressure, coming)
     tabulate(table, model)
-    find_branches(table, model, state.asleep)
+    find_branches(table, state.asleep)
     if settings.scheme != ALL_ON:
         set_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)

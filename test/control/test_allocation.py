@@ -145,6 +145,21 @@ def test_a_kink_between_two_points_of_the_table_is_found():
     assert found.pressure[0] == pytest.approx(10.4e3, abs=1e3 / 60)
 
 
+def test_a_slack_unit_waits_where_it_begins_to_pull_not_at_the_point_of_the_table_before():
+    """Else the least demand above its bottom would move it across the flat in between."""
+    table = curve_table([0], [[6e3 * k for k in range(31)]], True)
+
+    def force(unit, strain, rate, pressure, *_):
+        return max(2e-3 * (pressure[0] - 63e3), 0.0)
+    model = made_up(force, [0.0])
+    tabulate.kernel(table, model)
+    find_branches(table, [0])
+    assert table.bottom_pressure == pytest.approx([63e3])
+    curves = Curves(table, model)
+    waiting, pulling = curves.fill(0.0, (0,)).pressure[0], curves.fill(0.1, (0,)).pressure[0]
+    assert (waiting, pulling) == pytest.approx((63e3, 63.05e3), abs=6e3 / 60)
+
+
 @pytest.mark.parametrize(('tilt', 'bottom'), [(0.0, 50), (1e-6, 55), (-1e-6, 50), (5e-5, 0)])
 def test_an_almost_flat_curve_is_no_rising_branch(tilt, bottom):
     """It ends where the force rises, or soon after, unless the slope before is a real one."""

@@ -235,6 +235,15 @@ def test_what_pressures_do_not_give_is_asked_for_besides(missing, found):
     assert state.bias == pytest.approx(found, abs=0.01)
 
 
+def test_a_pressure_that_stays_away_from_its_command_is_asked_for_within_noise():
+    """Its effect lasts, so that less than the noise of one reading can be seen in the mean."""
+    rng, state, found = np.random.default_rng(3), ObserverState(), []
+    for noise in rng.normal(0.0, 1.0, 4000):
+        observe(state, 50.0, 50.0 + noise, 50.5, 3.0, LAG, DT)
+        found.append(state.bias)
+    assert np.mean(found[1000:]) == pytest.approx(-0.5, abs=0.2)
+
+
 def test_what_pressures_give_later_is_not_missing():
     """Asked for by a ramp to and fro, and there a lag of the loop later."""
     state, given, found = ObserverState(), 0.0, []
