@@ -20,6 +20,7 @@ from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.column_names import (
     absolute_of,
     dimension_of,
+    LONGER,
     Match,
     recognise,
     STRAINS,
@@ -186,8 +187,8 @@ class Choices:
         for key, entries in found.items():
             header, match = self._best(key, entries)
             absolute = match.unit.absolute if match.unit else match.absolute
-            self.chosen[key] = Choice(header, match.unit, -1 if key == 'elongation' else 1,
-                                      absolute=absolute)
+            longer = key == 'elongation' or 'strain' in header.casefold() and LONGER.search(header)
+            self.chosen[key] = Choice(header, match.unit, -1 if longer else 1, absolute=absolute)
 
     def _name_pressures(self, found: dict[str, list[tuple[str, Match]]]) -> None:
         """Take a single numbered pressure for the pressure; refuse one beside several numbers."""

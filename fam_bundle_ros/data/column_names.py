@@ -34,7 +34,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
               'messreihe'),
     'force': ('force', 'f', 'kraft', 'load', 'last', 'tension', 'pull', 'load cell', 'loadcell',
               'fx', 'fz', 'zugkraft', 'kraftsensor', 'kraftmessdose', 'axialkraft', 'force x',
-              'force z', 'tensile', 'tensile force', 'load force', 'load cell force',
+              'force z', 'tensile', 'load force', 'load cell force',
               '張力', '荷重', '拉力', '力'),
     'pressure': ('pressure', 'p', 'druck', 'press', 'innendruck', 'ueberdruck', 'relativdruck',
                  'absolutdruck', 'pressure p', '圧力', 'ゲージ圧', '压力', '气压'),
@@ -58,7 +58,9 @@ _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemesse
     dmsp mas fam actuator aktor axial internal gauge relative rel absolute absolut abs inner innen
     der des the of in out am im total id nr no number nummer name avg average mean mittelwert
     filtered filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared
-    tariert zeroed compensated kompensiert signals values data line""".split())
+    tariert zeroed compensated kompensiert signals values data line tensile""".split())
+#: In the name of a strain: positive when longer, as testing machines write it.
+LONGER = re.compile('exten|elong|tensile', re.IGNORECASE)
 #: A column with one of these words is used only if there is none without.
 _LESSER = frozenset("""raw roh filtered filt gefiltert smoothed smooth avg average mean
     mittelwert line""".split())

@@ -27,7 +27,7 @@ from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.rest_length import RestLength, stated_rest_length
-from fam_bundle_ros.data.strains import strain_of
+from fam_bundle_ros.data.strains import refuse_longer, strain_of
 from fam_bundle_ros.data.told_columns import Choice, with_sums
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
@@ -66,6 +66,8 @@ class _Reader:
         pressure = np.stack([values[key] - self._ambient(key, values) for key in pressures], -1)
         strain, notes = strain_of(table, strain_key, chosen[strain_key], values, pressure,
                                   self._rest_length)
+        if strain_key not in recipe.columns:
+            refuse_longer(table, chosen[strain_key], strain, self._rest_length)
         trial = chosen.get('trial')
         measured = build(
             table.name, strain, pressure, values['force'],

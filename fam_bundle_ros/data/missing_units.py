@@ -52,6 +52,10 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
     # a percentile, as a single outlier must not decide
     top = float(np.nanpercentile(np.abs(values), 99)) if np.isfinite(values).any() else 0.0
     fitting = _fitting(quantity, top, rest_length)
+    if quantity == 'shift':  # a position may be a length
+        fitting += [unit for unit in _fitting('length', top, rest_length) if unit.like == 'm']
+    if header.startswith('/'):  # ROS topics are in SI units
+        fitting = [unit for unit in fitting if unit.text == 'm'] or fitting
     if len(fitting) == 1:
         said = '' if fitting[0].text == '1' else f'{fitting[0].text} guessed, no unit given'
         return fitting[0], said

@@ -14,6 +14,11 @@ from fam_bundle_ros.errors import InputError
 
 #: Partial correlation of force and displacement beyond which the force tells the sign.
 _TELLS = 0.2
+#: A position is a length if its largest is the rest length within this share: no muscle shortens
+#: by its length.
+_AT_REST = 0.02
+#: Strains: a muscle is stretched by more than the first, and shortens at least by the second.
+_STRETCHED, _SHORTER = 0.05, 0.02
 
 
 def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarray],
@@ -53,6 +58,8 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
                 f'make one (--rest-length, rest_length, or a model){longest}')
         notes += filter(None, [rest.note])
         ratio = given / rest.used
+    if key == 'shift' and in_lengths and abs(np.nanmax(ratio, initial=0.0) - 1.0) < _AT_REST:
+        key, choice.why = 'length', 'a length: its largest is the rest length'
     if key == 'length':
         return 1.0 - ratio, notes + _length_notes(table.name, ratio, rest)
     if key == 'shift':
@@ -60,6 +67,22 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
         ratio = ratio * choice.sign
     return ratio, notes + _range_notes(shown, ratio, in_lengths, key == 'shift') + (
         _percent_notes(shown, choice, given))
+
+
+def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLength) -> None:
+    """Raise InputError where the muscle is stretched, by more than 5 %, and never shorter."""
+    known = strain[np.isfinite(strain)]
+    if not len(known) or known.min() > -_STRETCHED or known.max() > _SHORTER:
+        return
+    names = ['contraction', 'elongation'][::choice.sign]
+    size = f'{-known.min():.4g}'
+    if rest.used and choice.unit is not None and choice.unit.like == 'm':
+        size = f'{-1e3 * rest.used * known.min():.4g} mm'
+    raise InputError(
+        f"{table.name}: by '{choice.header}' the muscle never is shorter than at rest; expected "
+        f'zero at the rest length, and the direction: --columns "{names[1]}={choice.header}" '
+        f'turns it round, --columns "{names[0]}={choice.header} {"-+"[choice.sign > 0]} {size}" '
+        f'moves its zero, --columns "{names[0]}={choice.header}" takes it as it is')
 
 
 def _length_notes(name: str, share: np.ndarray, rest: RestLength) -> list[str]:
@@ -88,11 +111,9 @@ def _range_notes(shown: str, ratio: np.ndarray, in_lengths: bool, is_shift: bool
     if in_lengths and low > 0.05 and (is_shift or low > 0.5 * (high - low)):
         notes.append(f"'{shown}' never is near zero ({low:.3f} of the rest length at least): "
                      'expected zero at the rest length')
-    if low < -0.05:
-        notes.append(f"by '{shown}' the muscle " + (
-            'never is shorter than at rest: expected positive when shorter, ' if high < 0.02
-            else f'is stretched by {-100.0 * low:.0f} %: expected ')
-            + 'zero at the rest length')
+    if low < -_STRETCHED:
+        notes.append(f"by '{shown}' the muscle is stretched by {-100.0 * low:.0f} %: expected "
+                     'zero at the rest length')
     return notes
 
 

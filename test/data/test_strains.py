@@ -131,11 +131,44 @@ def test_a_displacement_with_an_offset_is_noticed(log, header, offset, said):
     assert any('never is near zero' in note for note in data.notes) == said
 
 
-def test_a_displacement_that_is_never_shorter_than_at_rest_is_noticed(log):
-    """A position counted from another place makes every strain negative: a note asks for zero."""
-    data = read_measurement(table(log, strain=('position [mm]', 30 - 100 * log[1])),
-                            rest_length=0.25)
-    assert any('never is shorter than at rest' in note for note in data.notes)
+@pytest.mark.parametrize(('header', 'values', 'told', 'strain'), [
+    ('position [mm]', lambda e: 30 - 100 * e, 'elongation=position [mm] - 30 mm',
+     lambda e: 0.4 * e),
+    ('strain', lambda e: -e, 'elongation=strain', lambda e: e),
+    ('strain', lambda e: -e, 'contraction=strain', lambda e: -e)])
+def test_a_muscle_that_is_never_shorter_than_at_rest_is_asked(log, header, values, told, strain):
+    """Each choice of the message is read as it says: another direction, another zero, neither."""
+    data = table(log, strain=(header, values(log[1])))
+    with pytest.raises(InputError, match='never is shorter than at rest') as error:
+        read_measurement(data, rest_length=0.25)
+    assert f'--columns "{told}"' in str(error.value)
+    read = read_measurement(data, rest_length=0.25, columns=dict([told.split('=')]))
+    assert np.allclose(read.strain, strain(log[1]))
+
+
+@pytest.mark.parametrize('header', ['Strain [Exten.] Extension', 'Tensile strain (Displacement)',
+                                    'Elongation strain', 'Tensile extension'])
+def test_a_strain_of_a_testing_machine_is_positive_when_longer(log, header):
+    """By its name; it is preferred to a displacement."""
+    data = {**table(log, strain=(f'{header} [mm/mm]', -log[1])), 'Position [mm]': -200 * log[1]}
+    assert np.allclose(read_measurement(data, rest_length=0.25).strain, log[1])
+
+
+@pytest.mark.parametrize(('header', 'size'), [('position [mm]', 250.0), ('position', 250.0),
+                                              ('/joint_states/slider/position', 0.25)])
+def test_a_position_whose_largest_is_the_rest_length_is_a_length(log, header, size):
+    """On a topic it is in m, and not a ratio."""
+    data = read_measurement(table(log, strain=(header, size * (1 - log[1]))), rest_length=0.25)
+    assert np.allclose(data.strain, log[1])
+    assert 'a length: its largest is the rest length' in taken_words(data)
+
+
+@pytest.mark.parametrize('size', [265.0, 240.0])
+def test_a_position_whose_largest_is_another_is_no_length(log, size):
+    """Its zero is anywhere."""
+    with pytest.raises(InputError, match=f'"elongation=position .mm. - {size:.0f} mm" moves its'):
+        read_measurement(table(log, strain=('position [mm]', size - 100 * log[1])),
+                         rest_length=0.25)
 
 
 @pytest.mark.parametrize('header', ['stretch', '\u03bb', 'L/L0', 'length [%]'])
