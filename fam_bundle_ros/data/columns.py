@@ -52,7 +52,7 @@ class _Reader:
     def measurement(self) -> Measurement:
         """Return the measurement."""
         table, recipe, chosen = self.table, self.recipe, self.choices.chosen
-        self.choices.make(recipe.columns)
+        self.choices.make({**clocks.told_by_table(table), **recipe.columns})
         self.choices.complete()
         strain_key, pressures = self.choices.strains[0], self.choices.pressures
         values = self._numbers()
@@ -187,6 +187,7 @@ class _Reader:
     def _seconds(self, choice: Choice, header: str, rows: np.ndarray) -> np.ndarray:
         """Return a clock, (T,), s: the chosen one, or another of the same name."""
         column, chosen = self.table.columns[header], self.table.columns[str(choice.header)]
+        offset = choice.offset if header == choice.header else 0.0
         if looks_like_time(column):
             if header != choice.header and not np.array_equal(column, chosen):
                 raise InputError(f"{self.table.name}: '{header}' shows other times than "
@@ -194,7 +195,7 @@ class _Reader:
             choice.unit = None
             if chosen.dtype == object:
                 chosen = np.where(rows, chosen, '')
-            return choice.sign * self._run_on(header, seconds(
+            return offset + choice.sign * self._run_on(header, seconds(
                 self.table.name, str(choice.header), chosen, self.table.rows))
         clock, words = numbers(column)
         self._refuse_words(header, words & rows)
@@ -206,7 +207,7 @@ class _Reader:
         first = numbers(chosen)[0]
         known = first[np.isfinite(first)]
         origin = known[0] if len(known) and np.abs(known).max() > 1e8 else 0.0
-        return (clock - origin) * choice.unit.factor * choice.sign
+        return (clock - origin) * choice.unit.factor * choice.sign + offset
 
     def _run_on(self, header: str, clock: np.ndarray) -> np.ndarray:
         clock, anew = clocks.run_on(clock)
@@ -276,11 +277,13 @@ class _Reader:
         lowest = pressure[rows].min(initial=np.inf)
         if not _ATMOSPHERE[0] < lowest < _ATMOSPHERE[1]:
             return ''
-        low, size = np.abs(force[rows & (pressure < lowest + _VENTED)]), np.abs(force[rows])
+        # a vented muscle may push, but does not pull
+        pull = force[rows] * np.sign(force[rows][np.argmax(np.abs(force[rows]))])
+        low = pull[pressure[rows] < lowest + _VENTED]
         return (f'hardly a force at the lowest pressure, {lowest / 1e3:.4g} kPa'
-                if np.median(low) < 0.1 * size.max() else
+                if low.max() < 0.1 * pull.max() else
                 f'the lowest pressure under a weight is {lowest / 1e3:.4g} kPa'
-                if np.ptp(size) < 0.2 * size.max() else '')
+                if np.ptp(np.abs(force[rows])) < 0.2 * pull.max() else '')
 
 
 def read_columns(table: Table, recipe: Recipe) -> Measurement:

@@ -163,10 +163,23 @@ def test_a_clock_with_steps_too_short_for_seconds_is_asked(log):
     assert not taken_words(read_measurement(table(log, time=('time', log[0]))))
 
 
-def test_a_level_of_one_bar_is_not_taken_for_the_atmosphere(log):
-    """The muscle pulls at 1 bar, so its pressure is not absolute."""
-    data = table(log, pressure=('p [kPa]', log[2] / 1e3 - 50.5))
-    assert not read_measurement(data).notes
+@pytest.mark.parametrize('sign', [1, -1])
+def test_a_level_of_one_bar_is_not_taken_for_the_atmosphere(log, muscle, sign):
+    """The muscle pulls at 1 bar, if only where it is long, so its pressure is not absolute."""
+    pressure = log[2] - 50.5e3
+    strain = np.where((np.arange(ROWS) > 9) & (pressure < 1e5), 0.29, log[1])
+    force = sign * muscle(strain, pressure)
+    assert np.median(np.abs(force[:80])) < 0.1 * np.abs(force).max()
+    data = table(log, pressure=('p [kPa]', pressure / 1e3), strain=('strain', strain),
+                 force=('force [N]', force))
+    assert 'absolute' not in ' '.join(read_measurement(data).notes)
+
+
+def test_a_vented_muscle_pushes_where_it_is_short(log):
+    """Its rubber does, and does not pull: 1 bar is absolute."""
+    data = table(log, pressure=('p [kPa]', log[2] / 1e3 - 50.0), force=('force [N]', np.where(
+        log[2] < 200e3, -100.0 * log[1] / 0.2, log[3])))
+    assert 'is it absolute' in ' '.join(read_measurement(data).notes)
 
 
 def test_a_length_and_a_contraction_beside_it_tell_the_rest_length(log):
