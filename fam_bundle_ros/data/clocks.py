@@ -4,15 +4,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 import re
 from typing import NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.data.column_names import dimension_of
+from fam_bundle_ros.data.formats.channels import clock_unit, clocks_in, nearest
 from fam_bundle_ros.data.formats.heads import rate_in
-from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.table import Table, without_count
 from fam_bundle_ros.errors import about, InputError
 
 #: Share of the slowest channel's readings that are in rows with all channels, if of one clock.
@@ -35,9 +36,11 @@ def same_name(header: str, other: str) -> bool:
     --------
     >>> same_name('Time (s)', 'Time (s).1'), same_name('Time', 'Time (2)'), same_name('t', 'time')
     (True, True, False)
+    >>> same_name('Time 1 (s)', 'Time 2 (s)'), same_name('Time 1 (s)', 'Time 2 (ms)')
+    (True, False)
     """
-    first, second = (re.sub(r'[ ._]*(\(\d+\)|\d+)$', '', name).casefold()
-                     for name in (header, other))
+    count = r'[ ._]*(\(\d+\)|\d+)(?=$|\s*[\[(][^\d\])]+[\])]$)'  # at the end or before a unit
+    first, second = (re.sub(count, '', name).casefold() for name in (header, other))
     return first == second
 
 
@@ -74,9 +77,17 @@ def run_on(clock: np.ndarray) -> tuple[np.ndarray, float]:
     return clock, 0.0
 
 
+def told_clock(table: Table, several: Sequence[str]) -> dict[str, str]:
+    """Return the first of several clocks as a user tells it; {} for none."""
+    return {'time': f'{clock} [{unit}]' if (unit := clock_unit(table, clock)) else clock
+            for clock in several[:1]}
+
+
 def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str, str]:
     """
-    Return the clock of each quantity: the nearest column on its left that is called as the clock.
+    Return the clock of each quantity: the next on its left of those that `clocks_in` finds.
+
+    Where it finds none, columns that are called as the clock are clocks too.
 
     Parameters
     ----------
@@ -86,11 +97,12 @@ def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str
     headers : dict of str to str
         Quantity to header.
     """
-    order = list(table.columns)
-    clocks = [header for header in order if header == clock or same_name(header, clock)
-              and table.meaning(header).quantity == 'time']
-    return {key: max((one for one in clocks if order.index(one) < order.index(header)),
-                     key=order.index, default=clock) for key, header in headers.items()}
+    order, clocks = list(table.columns), clocks_in(table)
+    if clock not in clocks:
+        clocks = [header for header in order if header == clock or same_name(header, clock)
+                  and table.meaning(without_count(header)).quantity == 'time']
+    clock_of = nearest(order, clocks)
+    return {key: clock_of.get(header, clock) for key, header in headers.items()}
 
 
 def may_be_clock(table: Table, used: Collection[str | None]) -> str:
@@ -136,17 +148,19 @@ def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray
     Parameters
     ----------
     values, times : dict of str to ndarray, shape (T,)
-        Readings and times of each quantity, nan where there is none.
+        Readings and times of each quantity, nan where there is none. Times that go back begin
+        the next trial.
 
     Raises
     ------
     InputError
-        Where a clock that is not that of the others goes back.
+        Where not all times go back as often, and where they have no time in common.
 
     Notes
     -----
-    Between two readings a channel is taken as linear. The slowest, that with the fewest readings,
-    is interpolated nowhere, so that no reading is made up where none was taken.
+    Between two readings a channel is taken as linear. The slowest, that with the fewest readings
+    in the time that all have, is interpolated nowhere, so that no reading is made up where none
+    was taken.
     """
     known = {key: np.isfinite(values[key]) & np.isfinite(times[key]) for key in values}
     first = next(iter(times.values()))
@@ -155,18 +169,35 @@ def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray
     if all(_equal(first, time) for time in times.values()) and (
             together >= _TOGETHER * min(counts)) or min(counts) < 2:
         return None
-    for key, time in times.items():
-        if (np.diff(time[known[key]]) < 0.0).any():
-            raise InputError(f'the times of {key} go back, and are not those of the other '
-                             'readings; expected one clock for all, or one trial per file')
-    slowest = min(zip(counts, range(len(counts)), values))[2]
-    at = np.where(known[slowest], times[slowest], np.nan)
-    moved: dict[str, np.ndarray] = {}
-    for key, own in values.items():
-        rows = known[key]
-        moved[key] = own if key == slowest else np.interp(
-            at, times[key][rows], own[rows], left=np.nan, right=np.nan)
-    return moved, slowest
+    trials = {key: _trials(np.flatnonzero(known[key]), time) for key, time in times.items()}
+    most = max(trials, key=lambda key: len(trials[key]))
+    if len({len(parts) for parts in trials.values()}) > 1:
+        raise InputError(f'the times of {most} go back, and are not those of the other '
+                         'readings; expected one clock for all, or one trial per file')
+    shared = dict.fromkeys(values, 0)
+    for parts in zip(*trials.values()):
+        clocks = [times[key][rows] for key, rows in zip(trials, parts)]
+        begin, end = max(clock[0] for clock in clocks), min(clock[-1] for clock in clocks)
+        for key, clock in zip(trials, clocks):
+            shared[key] += int(((begin <= clock) & (clock <= end)).sum())
+    if not all(shared.values()):
+        spans = ', '.join(f'{key} {np.nanmin(time):.10g} to {np.nanmax(time):.10g} s'
+                          for key, time in times.items())
+        raise InputError(f'the channels have no time in common ({spans}); expected clocks of one '
+                         'zero, or one of them told with the difference, --columns "time=NAME OF '
+                         'THE CLOCK + 1.7 s"')
+    slowest = min(shared, key=lambda key: shared[key])
+    moved = {key: np.full(len(own), np.nan) for key, own in values.items()}
+    for at, *parts in zip(trials[slowest], *trials.values()):
+        for key, rows in zip(trials, parts):
+            moved[key][at] = np.interp(times[slowest][at], times[key][rows], values[key][rows],
+                                       left=np.nan, right=np.nan)
+    return {**moved, slowest: values[slowest]}, slowest
+
+
+def _trials(rows: np.ndarray, time: np.ndarray) -> list[np.ndarray]:
+    """Return some rows, cut where the time goes back."""
+    return np.split(rows, np.flatnonzero(np.diff(time[rows]) < 0.0) + 1)
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:

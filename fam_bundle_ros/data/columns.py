@@ -21,6 +21,7 @@ from fam_bundle_ros.data.cells import labels, looks_like_time, no_reading, numbe
 from fam_bundle_ros.data.column_choice import Choices
 from fam_bundle_ros.data.column_names import absolute_of, likes
 from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words
+from fam_bundle_ros.data.formats.channels import clocks_in
 from fam_bundle_ros.data.formats.heads import interval_of
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
@@ -52,7 +53,9 @@ class _Reader:
     def measurement(self) -> Measurement:
         """Return the measurement."""
         table, recipe, chosen = self.table, self.recipe, self.choices.chosen
-        self.choices.make({**clocks.told_by_table(table), **recipe.columns})
+        several = [] if 'time' in recipe.columns else clocks_in(table)
+        self.choices.make({**clocks.told_clock(table, several), **recipe.columns})
+        self.choices.refused.update(dict.fromkeys(several[1:], 'a clock of columns on its right'))
         self.choices.complete()
         strain_key, pressures = self.choices.strains[0], self.choices.pressures
         values = self._numbers()

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.column_names import recognise
+from fam_bundle_ros.data.formats.channels import as_columns, clocks_in, filled_up, Series
 from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
@@ -87,45 +88,33 @@ def read_json(path: Path, sheet: str | None = None) -> Table:
     return of_arrays(path.name, 'JSON', values if isinstance(values, dict) else {})
 
 
-def flattened(values: Mapping[str, Any]) -> dict[str, Any]:
+def flattened(values: Mapping[str, Any], clock: str = 'time') -> dict[str, Any]:
     """
     Return nested mappings as one: 'log.force'.
 
-    The times of a channel stand before it; shorter channels are padded with nan.
+    The times of a channel stand before it, unless they are those of the one before; shorter
+    channels are padded with nan.
     """
     flat = _flat(values, '', 4)
-    channels = {name: value for name, value in flat.items() if isinstance(value, _Series)}
-    rows = max((len(each.clock) for each in channels.values()), default=0)
+    rows = max((len(value.readings) for value in flat.values() if isinstance(value, Series)),
+               default=0)
     whole: dict[str, Any] = {}
-    clock, count = np.zeros(0), 0
+    times, count = np.zeros(0), 0
     for name, value in flat.items():
-        if not isinstance(value, _Series):
+        if not isinstance(value, Series):
             whole[name] = value
             continue
-        if not count or not np.array_equal(clock, value.clock):
-            count, clock = count + 1, value.clock
-            whole['time' if count == 1 else f'time {count}'] = _filled_up(clock, rows)
-        whole[name] = _filled_up(value.readings, rows)
+        if len(value.clock) and not np.array_equal(times, value.clock, equal_nan=True):
+            count, times = count + 1, value.clock
+            whole[clock if count == 1 else f'{clock} ({count})'] = filled_up(times, rows)
+        whole[name] = filled_up(value.readings, rows)
         if value.unit:
             whole[f'{name}_unit'] = value.unit
     return whole
 
 
-class _Series(NamedTuple):
-    """A channel with its times."""
-
-    clock: np.ndarray
-    readings: np.ndarray
-    unit: str = ''
-    label: str = ''
-
-
-def _filled_up(values: np.ndarray, rows: int) -> np.ndarray:
-    return np.concatenate([values, np.full(rows - len(values), np.nan)])
-
-
 def _flat(values: Mapping[str, Any], prefix: str, depth: int) -> dict[str, Any]:
-    """Return nested mappings as one mapping; channels with times become `_Series`."""
+    """Return nested mappings as one mapping; channels with times become `Series`."""
     flat: dict[str, Any] = {}
     pairs = _pairs(values)
     for key, value in values.items():
@@ -146,7 +135,7 @@ def _flat(values: Mapping[str, Any], prefix: str, depth: int) -> dict[str, Any]:
     return flat
 
 
-def _pairs(values: Mapping[str, Any]) -> dict[str, _Series]:
+def _pairs(values: Mapping[str, Any]) -> dict[str, Series]:
     """Return matrices of two columns, time and reading, as Simulink's To Workspace writes them."""
     pairs = {}
     for key, value in values.items():
@@ -154,7 +143,7 @@ def _pairs(values: Mapping[str, Any]) -> dict[str, _Series]:
                 min(value.shape) == 2 < max(value.shape)):
             clock, readings = (value if len(value) == 2 else value.T).astype(float)
             if (np.diff(clock) > 0).all():
-                pairs[key] = _Series(clock, readings)
+                pairs[key] = Series(clock, readings)
     known = {recognise(key).quantity for key in pairs} - {'', 'time'}
     return pairs if len(known) > 1 else {}
 
@@ -163,7 +152,7 @@ def _pairs(values: Mapping[str, Any]) -> dict[str, _Series]:
 _SERIES = ('time', 't', 'times'), ('data', 'y', 'value', 'values', 'signal')
 
 
-def _series(entry: Mapping[str, Any]) -> _Series | None:
+def _series(entry: Mapping[str, Any]) -> Series | None:
     """Return the channel of a struct of one and its times; else None."""
     fields = {key.casefold(): value for key, value in entry.items()}
     if isinstance(signal := fields.get('signals'), Mapping):  # a structure with time of Simulink
@@ -179,7 +168,7 @@ def _series(entry: Mapping[str, Any]) -> _Series | None:
     unit = next((found for found in (fields.get('units'), fields.get('unit'), inner.get('units'))
                  if isinstance(found, str)), '')
     name = fields.get('label')
-    return _Series(clock.astype(float), values.astype(float), unit,
+    return Series(clock.astype(float), values.astype(float), unit,
                    name if isinstance(name, str) else '')
 
 
@@ -222,6 +211,8 @@ def _joined(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
     whole: dict[str, Any] = {}
     for field in entries[0]:
         parts = [np.ravel(entry.get(field, ())) for entry in entries]
+        parts = [np.repeat(part, length) if len(part) == 1 else part
+                 for part, length in zip(parts, lengths)]
         if all(len(part) == length for part, length in zip(parts, lengths)):
             whole[field] = np.concatenate(parts)
     return {**whole, 'trial': np.repeat(np.arange(1.0, len(entries) + 1.0), lengths)}
@@ -243,13 +234,16 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
         heads = next((names for names in found.labels if len(names) == count),
                      [f'{key} {i + 1}' for i in range(count)])
         vectors.update(dict(zip(heads, columns.T)))
-    lengths = [len(vector) for vector in vectors.values()
-               if vector.dtype.kind == 'f' and len(vector) > 1]
-    if not lengths:
+    series = {key: vector for key, vector in vectors.items()
+              if vector.dtype.kind == 'f' and len(vector) > 1}
+    if not series:
         raise InputError(f'{name}: no columns of numbers in it; expected arrays of equal length '
                          'for strain (or length), pressure and force')
+    lengths = [len(vector) for vector in series.values()]
     rows = max(lengths, key=lambda length: (lengths.count(length), length))
-    kept = {key: vector for key, vector in vectors.items() if len(vector) == rows}
+    kept = as_columns(series)
+    if not clocks_in(Table(name, kind, kept)):
+        kept = {key: vector for key, vector in vectors.items() if len(vector) == rows}
     heads = unique(_short_names(list(kept)))
     units = {head: text for key, head in zip(kept, heads) for label, text in found.texts.items()
              if _is_unit_of(label, key.rpartition('.')[2])}

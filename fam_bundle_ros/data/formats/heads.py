@@ -23,7 +23,8 @@ _INTERVAL = re.compile(
     r'messintervall)\s*(?:[\[(]\s*(?P<unit>[^\W\d_]+)\s*[\])])?\s*(?:[:=]\s*(?P<value>.*))?',
     re.IGNORECASE)
 #: A sample rate.
-_RATE = re.compile(r'(?:sampl\w*|scan|abtast\w*|mess)[ _-]?(?:rate|freq\w*|frequenz)\W.*\d', re.I)
+_RATE = re.compile(r'(?:sampl\w*|scan|abtast\w*|mess)[ _-]?(?:rate|freq\w*|frequenz)\W.*\d|'
+                   r'^\W*f_?s\s*[:=]\s*[\d.]+\s*(?:k?Hz)?$', re.I)
 
 
 def of_pairs(rows: Sequence[Sequence[str]], width: int,

@@ -14,7 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.cell_text import is_number
+from fam_bundle_ros.data.cells import seconds
 from fam_bundle_ros.data.column_names import recognise
+from fam_bundle_ros.data.formats.arrays import flattened, of_arrays
+from fam_bundle_ros.data.formats.channels import filled_up, Series
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.layout import trimmed
 from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
@@ -22,13 +25,16 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
 _END = '***End_of_Header***'
+#: A waveform's start that was not set: LabVIEW counts from 1904.
+_UNSET = np.datetime64('1904-01-01')
 
 
 def read_lvm(path: Path, sheet: str | None = None) -> Table:
     """
     Return the table of a .lvm file; several segments are trials.
 
-    The time is the column X_Value, or the segment's X0 and Delta_X where there is none.
+    The times of a channel are the column X_Value, or X0 and Delta_X where there is none, and count
+    from the channel's own start.
 
     Raises
     ------
@@ -44,7 +50,8 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
     for block in _blocks(lines, separator, decimal):
         frame = pandas.read_csv(io.StringIO('\n'.join(block.lines)), sep=separator,
                                 decimal=decimal, header=None, index_col=False, names=block.names)
-        frames.append(_with_time(frame.drop(columns='Comment', errors='ignore'), block.header))
+        frames.append(_with_clocks(path.name, frame.drop(columns='Comment', errors='ignore'),
+                                   block.header))
         frames[-1]['trial'] = block.trial
         rows.append(block.first + np.arange(len(block.lines)))
         labels = block.header.get('Y_Unit_Label', [])
@@ -55,8 +62,12 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
     if not frames:
         raise InputError(f'{path.name}: no channels in it; expected those of a LabVIEW '
                          'measurement file')
-    whole = pandas.concat(frames, ignore_index=True)
-    columns = plain_columns(whole if len(frames) > 1 else whole.drop(columns='trial'))
+    whole = plain_columns(pandas.concat(frames, ignore_index=True))
+    columns = flattened({name: Series(whole[f'X_Value of {name}'], column)
+                         for name, column in whole.items()
+                         if not name.startswith('X_Value') and name != 'trial'}, 'X_Value')
+    if len(frames) > 1:
+        columns['trial'] = whole['trial']
     return Table(path.name, '.lvm', columns, {name: unit for name, unit in units.items()
                                               if name in columns}, np.concatenate(rows))
 
@@ -115,32 +126,41 @@ def _header_line(line: str) -> tuple[str, str]:
     return line.strip(), ''
 
 
-def _with_time(block: Any, header: dict[str, list[str]]) -> Any:
-    """Return the columns of a block with one time, the first column."""
-    clocks = [name for name in block.columns if str(name).startswith('X_Value')]
-    if len(clocks) > 1:  # Multi: a clock in front of each channel
-        clock, own = block[clocks[0]].to_numpy(float), None
-        for name in list(block.columns):
-            if name in clocks:
-                own = block[name].to_numpy(float)
-            elif own is not None and not np.array_equal(own, clock, equal_nan=True):
-                known = np.isfinite(own)
-                block[name] = np.interp(clock, own[known], block[name].to_numpy(float)[known],
-                                        right=np.nan)
-        block, clocks = block.drop(columns=clocks[1:]), clocks[:1]
-    if clocks and block[clocks[0]].isna().all():
-        block, clocks = block.drop(columns=clocks), []
-    if not clocks:
-        begin, step = _number_of(header, 'X0', 0.0), _number_of(header, 'Delta_X', 1.0)
-        block.insert(0, 'X_Value', begin + step * np.arange(len(block)))
-    return block
+def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
+    """Return the columns of a block, and the times of each, s since the first channel began."""
+    channels = [name for name in block.columns if not str(name).startswith('X_Value')]
+    starts = np.zeros(len(channels))
+    stamps = [' '.join(stamp) for stamp in zip(*(_of_each(header, key, channels)
+                                                 for key in ('Date', 'Time')))]
+    if len(set(stamps)) > 1 and header.get('Time_Pref', [''])[0] != 'Absolute':
+        starts = seconds(name, 'Date and Time', np.array(stamps, object), starts)
+    clock: np.ndarray | None = None
+    clocks: dict[str, np.ndarray] = {}
+    for name in block.columns:
+        if name not in channels:
+            clock = block[name].to_numpy(float)
+            continue
+        at = len(clocks)
+        if clock is None or np.isnan(clock).all():
+            begin, step = (_number(_of_each(header, key, channels)[at], default)
+                           for key, default in (('X0', 0.0), ('Delta_X', 1.0)))
+            own = begin + step * np.arange(len(block))
+        else:
+            own = clock
+        clocks[f'X_Value of {name}'] = own + starts[at] - starts.min()
+    return block[channels].assign(**clocks)
 
 
-def _number_of(header: dict[str, list[str]], key: str, default: float) -> float:
-    """Return the first value of a key of a header."""
+def _of_each(header: dict[str, list[str]], key: str, channels: list[str]) -> list[str]:
+    """Return the value of a key for each channel; the first where there is not one for each."""
+    values = list(filter(None, header.get(key, [])))
+    return values if len(values) == len(channels) else [*values, ''][:1] * len(channels)
+
+
+def _number(text: str, default: float) -> float:
     try:
-        return float(header.get(key, [''])[0].replace(',', '.'))
-    except (ValueError, IndexError):
+        return float(text.replace(',', '.'))
+    except ValueError:
         return default
 
 
@@ -148,8 +168,7 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
     """
     Return the table of a .tdms file; groups with the same channels are trials.
 
-    Channels that carry a waveform's increment give the time where no channel does; those of
-    another rate are brought to the time of the fastest.
+    Start and increment of a waveform give the times of its channel where no channel is the time.
 
     Raises
     ------
@@ -162,62 +181,62 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
             logging.getLogger(logger).setLevel(logging.CRITICAL)
     with reading_as(path, '.tdms', Exception):  # npTDMS's own and struct's on damaged files
         file = nptdms.TdmsFile.read(path)
-        groups = {group.name: group.channels() for group in file.groups()}
-        found = {name: _of_group(channels) for name, channels in groups.items()
-                 if any(len(channel) for channel in channels)}
+        groups = {group.name: [channel for channel in group.channels() if len(channel)]
+                  for group in file.groups()}
+        found = {name: _of_group(channels) for name, channels in groups.items() if channels}
     if sheet is not None and sheet not in found:
         raise InputError(f"{path.name}: no group '{sheet}'; expected one of {', '.join(found)}")
     if not found:
         raise InputError(f'{path.name}: no channels with values in it; expected a log')
     if sheet is not None:
         found = {sheet: found[sheet]}
-    tables = {name: Table(path.name, '.tdms', *group) for name, group in found.items()}
-    best = max(tables.values(), key=lambda table: sum(map(bool, table.quantities.values())))
-    alike = {name: table for name, table in tables.items()
-             if list(table.columns) == list(best.columns)}
-    notes = tuple(f'not read: group {name}' for name in tables if name not in alike)
-    if len(alike) == 1:
-        return replace(best, notes=notes)
-    columns = {channel: np.concatenate([table.columns[channel] for table in alike.values()])
-               for channel in best.columns}
-    columns['trial'] = np.repeat(np.array(list(alike), object),
-                                 [len(table.rows) for table in alike.values()])
-    return Table(path.name, '.tdms', columns, best.units, notes=notes)
+    best = max(found.values(), key=lambda group: sum(
+        bool(recognise(name, channel.unit).quantity) for name, channel in group.items()))
+    alike = {name: group for name, group in found.items() if list(group) == list(best)}
+    whole: dict[str, Any] = {'time_unit': 's'}
+    for name in best:
+        clock, readings = (np.concatenate([group[name][k] for group in alike.values()])
+                           for k in (0, 1))
+        whole[name] = Series(clock, readings) if len(clock) else readings
+        whole[f'{name}_unit'] = best[name].unit
+    if len(alike) > 1:
+        whole['trial'] = np.repeat(np.array(list(alike), object), [
+            max(len(channel.readings) for channel in group.values()) for group in alike.values()])
+    table = of_arrays(path.name, '.tdms', flattened(whole))
+    return replace(table, notes=(*table.notes, *(
+        f'not read: group {name}' for name in found if name not in alike)))
 
 
-def _clock(channel: Any) -> np.ndarray | None:
-    """Return the times of a waveform's samples, s; None for a channel that is none."""
-    step = channel.properties.get('wf_increment')
-    if not step:
-        return None
-    return channel.properties.get('wf_start_offset', 0.0) + step * np.arange(len(channel))
-
-
-def _of_group(channels: list[Any]) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return a group's columns and their units."""
-    channels = [channel for channel in channels if len(channel)]
+def _of_group(channels: list[Any]) -> dict[str, Series]:
+    """Return a group's channels; those with times are padded to the longest."""
     names = unique([channel.name for channel in channels])
-    longest = max(channels, key=len)
-    columns: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    clock = _clock(longest)
-    for name, channel in zip(names, channels):
-        values = np.asarray(channel[:])
-        unit = channel.properties.get('unit_string') or channel.properties.get(
-            'NI_UnitDescription')
-        if unit:
-            units[name] = str(unit)
-        if len(values) != len(longest):
-            own = _clock(channel)
-            if clock is None or own is None:
-                continue
-            values = np.interp(clock, own, values.astype(float))
-        if values.dtype.kind in 'biuf':
-            columns[name] = values.astype(float)
+    units = [str(channel.properties.get('unit_string') or channel.properties.get(
+        'NI_UnitDescription') or '') for channel in channels]
+    clocks = [np.zeros(0)] * len(channels)
+    if not any(recognise(name, unit).quantity == 'time' for name, unit in zip(names, units)):
+        clocks = _clocks(channels)
+    # a channel without an increment is of the task of one with as many samples
+    known = {len(channel): clock for channel, clock in zip(channels, clocks) if len(clock)}
+    found = {}
+    for name, unit, channel, clock in zip(names, units, channels, clocks):
+        readings = np.asarray(channel[:])
+        clock = clock if len(clock) else known.get(len(channel), clock)
+        if len(clock) and readings.dtype.kind in 'biuf':
+            found[name] = Series(clock, filled_up(readings, len(clock)), unit)
         else:
-            columns[name] = values if values.dtype.kind in 'mM' else values.astype(object)
-    if clock is not None and not any(recognise(name, units.get(name, '')).quantity == 'time'
-                                     for name in columns):
-        columns = {'time': clock, **columns}
-        units['time'] = 's'
-    return columns, units
+            found[name] = Series(np.zeros(0), readings, unit)
+    return found
+
+
+def _clocks(channels: list[Any]) -> list[np.ndarray]:
+    """Return the times of waveforms, s since the first start, (0,) for channels without them."""
+    starts = [channel.properties.get('wf_start_time', _UNSET) for channel in channels]
+    begin = min((start for start in starts if start > _UNSET), default=_UNSET)
+    count = np.arange(max(map(len, channels)))
+    clocks = []
+    for channel, start in zip(channels, starts):
+        step = channel.properties.get('wf_increment')
+        late = (max(start, begin) - begin) / np.timedelta64(1, 's')
+        clocks.append(late + channel.properties.get('wf_start_offset', 0.0) + step * count
+                      if step else np.zeros(0))
+    return clocks
