@@ -79,8 +79,10 @@ def run_on(clock: np.ndarray) -> tuple[np.ndarray, float]:
 
 def told_clock(table: Table, several: Sequence[str]) -> dict[str, str]:
     """Return the first of several clocks as a user tells it; {} for none."""
-    return {'time': f'{clock} [{unit}]' if (unit := clock_unit(table, clock)) else clock
-            for clock in several[:1]}
+    if not several:
+        return {}
+    unit = clock_unit(table, several[0])
+    return {'time': f'{several[0]} [{unit}]' if unit else several[0]}
 
 
 def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str, str]:

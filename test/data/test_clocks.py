@@ -33,7 +33,11 @@ def padded(values):
 
 @pytest.mark.parametrize('names', [('Time (s)', 'Time (s).1', 'Time (s).2'),
                                    ('t [s]', 't [s] (2)', 't [s] (3)'),
-                                   ('time', 'time_1', 'time_2')])
+                                   ('time', 'time_1', 'time_2'),
+                                   ('X_Value', 'X_Value (2)', 'X_Value (3)'),
+                                   ('Time 1 (s)', 'Time 2 (s)', 'Time 3 (s)'),
+                                   ('Strain time (s)', 'Pressure time (s)', 'Force time (s)'),
+                                   ('te (s)', 'tp (s)', 'tF (s)'), ('te', 'tp', 'tF')])
 def test_a_slower_channel_is_read_at_its_own_times(names, muscle):
     """A load cell at half the rate, its rows at the top of the table, blanks below."""
     slow = padded(TIME[::2])
@@ -59,6 +63,49 @@ def test_a_channel_that_began_later_is_shifted_back(muscle):
     assert len(data) == 390
     assert data.time[0] == pytest.approx(0.5)
     assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+
+
+@pytest.mark.parametrize('times', [('Time 1 (s)', 'Time 2 (s)'), ('X_Value', 'X_Value (2)')])
+def test_a_clock_with_as_many_readings_is_one_of_its_own_by_its_name(times, muscle):
+    """Two devices of one rate, of which the second began later."""
+    later = TIME + 0.5
+    data = read_measurement({
+        times[0]: TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME), times[1]: later,
+        'F [N]': force(later, muscle)})
+    assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
+
+
+def test_channels_of_several_rates_are_brought_together_trial_by_trial(muscle):
+    """All clocks restart with the second trial, which begins a little later."""
+    quick, slow = TIME[:200], TIME[:200:2]
+    both = np.concatenate([quick, quick + 0.05])
+    few = np.concatenate([slow, padded(slow)[100:200], slow + 0.05, padded(slow)[100:200]])
+    data = read_measurement({
+        'time [s]': both, 'strain': strain(both), 'p [kPa]': pressure(both),
+        'time [s] (2)': few, 'F [N]': force(few, muscle)})
+    assert np.bincount(data.trial).tolist() == [100, 100]
+    assert np.allclose(data.strain, strain(few[np.isfinite(few)]))
+    assert np.allclose(data.force, force(few[np.isfinite(few)], muscle))
+
+
+def test_the_slowest_channel_is_that_in_the_time_of_all(muscle):
+    """As many readings at half the rate are of twice the time."""
+    twice = 2.0 * TIME
+    data = read_measurement({
+        'time [s]': TIME, 'strain': strain(TIME), 'time [s] (2)': twice,
+        'p [kPa]': pressure(twice), 'F [N]': force(twice, muscle)})
+    assert np.allclose(data.time, TIME[::2])
+    assert np.allclose(data.strain, strain(data.time))
+    assert np.allclose(data.force, force(data.time, muscle))
+
+
+def test_times_without_a_common_part_are_refused(muscle):
+    """One clock since the start, and one since 1970."""
+    stamps = 1.7e9 + TIME
+    with pytest.raises(InputError, match=r'no time in common .*force 1700000000 to 1700000020 s'):
+        read_measurement({
+            'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+            'time [s] (2)': stamps, 'F [N]': force(TIME, muscle)})
 
 
 def test_rows_of_one_channel_each_are_brought_together(muscle):
@@ -103,6 +150,38 @@ def test_structs_in_structs_keep_their_times_too(muscle, tmp_path):
     data = read_measurement(tmp_path / 'log.mat', columns={'strain': 'drive.strain'})
     assert np.allclose(data.force, force(data.time, muscle), atol=1.0)
     assert len(data) == 390
+
+
+def test_vectors_of_several_lengths_have_the_clock_of_their_length(muscle, tmp_path):
+    """In the order of the alphabet, as MATLAB saves a workspace."""
+    savemat = pytest.importorskip('scipy.io').savemat
+    slow, slower = TIME[::2], TIME[::4]
+    savemat(tmp_path / 'log.mat', {'F_N': force(slower, muscle), 'p_kPa': pressure(slow),
+                                   'strain': strain(TIME), 't_F': slower, 't_e': TIME,
+                                   't_p': slow})
+    data = read_measurement(tmp_path / 'log.mat')
+    assert np.allclose(data.time, slower)
+    assert np.allclose(data.strain, strain(slower))
+    assert np.allclose(data.pressure[:, 0] / 1e3, pressure(slower))
+    assert np.allclose(data.force, force(slower, muscle))
+
+
+def test_a_count_of_fewer_readings_is_no_clock_beside_one(muscle):
+    """It rises like a clock, and is filled as far as the column on its right."""
+    data = read_measurement({
+        'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+        'count': padded(np.arange(200.0)), 'F [N]': padded(force(TIME[:200], muscle))})
+    assert np.allclose(data.time, TIME[:200])
+    assert np.allclose(data.force, force(data.time, muscle))
+
+
+def test_times_that_a_column_on_their_right_exceeds_are_no_clocks(muscle):
+    """A force that goes on below the last of these times has others."""
+    with pytest.raises(InputError, match='both may be time'):
+        read_measurement({
+            'Strain time (s)': TIME, 'strain': strain(TIME),
+            'Pressure time (s)': padded(TIME[::2]), 'p [kPa]': padded(pressure(TIME[::2])),
+            'F [N]': force(TIME, muscle)})
 
 
 @pytest.mark.parametrize('turned', [False, True])
@@ -293,6 +372,28 @@ def test_a_file_for_each_sensor_is_one_recording(muscle, tmp_path):
     whole = table(tmp_path / 'run.csv', 'time [s],strain,p [kPa],F [N]', TIME, strain(TIME),
                   pressure(TIME), force(TIME, muscle))
     assert [len(run) for run in read_recordings([whole, whole])] == [len(TIME)] * 2
+
+
+@pytest.mark.parametrize('told', ['time + 1.5 s', 'time 2 - 1.5 s'])
+def test_files_that_began_apart_are_brought_together_by_the_difference(told, muscle, tmp_path):
+    """Each began at 0 when its button was pressed; one clock is told with its delay."""
+    later = TIME[30:]
+    files = [table(tmp_path / 'daq.csv', 'Time (s),Force (N),p [kPa]', later - 1.5,
+                   force(later, muscle), pressure(later)),
+             table(tmp_path / 'mocap.csv', 'Time (s),strain', TIME, strain(TIME))]
+    (data,) = read_recordings(files, recipe=Recipe(columns={'time': told}))
+    assert len(data) == 370
+    assert np.allclose(data.force, muscle(data.strain, data.pressure[:, 0]), atol=0.5)
+
+
+@pytest.mark.parametrize('clock', [TIME, [f'12:00:{second:05.2f}' for second in TIME]])
+def test_an_offset_of_the_time_is_added(clock, muscle):
+    """Also to times of day."""
+    log = {'Time': np.array(clock), 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+           'F [N]': force(TIME, muscle)}
+    plain, moved = (read_measurement(log, columns={'time': told})
+                    for told in ('Time', 'Time + 1.7 s'))
+    assert np.allclose(moved.time, plain.time + 1.7)
 
 
 def test_files_of_topics_without_names_are_told_with_their_files_names(muscle, tmp_path):

@@ -133,7 +133,8 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
     names = [table.name for table in tables]
     return Table(' + '.join(names), 'files side by side', columns, units, notes=(
         *(note for table in tables for note in table.notes),
-        f'{", ".join(names)}: parts of one recording, their times taken as of one clock'))
+        f'{", ".join(names)}: parts of one recording, their times taken as of one clock; '
+        'if the second began 1.7 s later, tell it, --columns "time=time 2 + 1.7 s"'))
 
 
 def _blocks(table: Table) -> Table | None:
