@@ -14,6 +14,11 @@ import numpy as np
 
 from fam_bundle_ros.data.rates import BY_CHANCE, FALSE_ALARM, REST_PRESSURE
 
+#: A force is met on the way up and on the way down: twice as often at a turn as elsewhere.
+_FAR_MORE = 4
+#: Range of the strain of a muscle that is held, and moves by a weak frame or noise.
+_HELD = 0.01
+
 
 def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np.ndarray,
                 ) -> np.ndarray:
@@ -107,6 +112,34 @@ def constant_force(force: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
     return slice(int(begin[longest]), int(end[longest]) + 1)
 
 
+def clipped(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """
+    Return the rows, (T,) bool, in which the force is at the end of the range of its sensor.
+
+    It is the same largest force at several visits and several strains, in far more rows than any
+    other force is: of a coarse converter, or of levels that are held, all forces repeat.
+
+    Parameters
+    ----------
+    force, strain : ndarray, shape (T,)
+    within : ndarray of bool, shape (T - 1,)
+        Steps between rows of one trial.
+
+    Examples
+    --------
+    >>> strain, force = np.arange(20) % 10 / 50, 90.0 - np.arange(20) % 10 - np.arange(20) / 99
+    >>> within = np.ones(19, bool)
+    >>> [clipped(np.minimum(force, most), strain, within).sum().tolist() for most in (85, 99)]
+    [10, 0]
+    """
+    at = force == force[np.argmax(np.abs(force))]
+    visits = 0.5 * (within & (at[1:] != at[:-1])).sum()  # without a whole trial: a weight
+    between = (force > force.min()) & (force < force.max())  # a slack muscle may show one force
+    often = np.unique(force[between], return_counts=True)[1].max(initial=1)
+    moved = np.ptp(strain[at]) > _HELD
+    return at if visits > 1 and moved and at.sum() > _FAR_MORE * often else np.zeros_like(at)
+
+
 def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force: np.ndarray,
                   trial: np.ndarray, rows: np.ndarray) -> list[str]:
     """
@@ -132,7 +165,12 @@ def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force:
                          f'{int(held.sum())} rows (first row {rows[at]}) while the other '
                          'channels continue: lost readings? They are used')
     still = constant_force(force, strain, np.sum([*pressure.values()], axis=0), within)
-    if still is not None:
+    ends = clipped(force, strain, within)
+    if ends.any():
+        notes.append(f'the force is exactly {force[ends][0]:.6g} N, its largest, in '
+                     f'{int(ends.sum())} rows (first row {rows[np.argmax(ends)]}): is its sensor '
+                     'out of range?')
+    if still is not None and not ends[still.start]:
         notes.append(f'the force is constant at {force[still.start]:.4g} N from row '
                      f'{rows[still.start]} to {rows[still.stop - 1]} while the muscle moves: is '
                      'its sensor stuck, or out of range?')
