@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.column_names import dimension_of
-from fam_bundle_ros.data.formats.channels import clock_unit, clocks_in, nearest
+from fam_bundle_ros.data.formats.channels import clocks_in, nearest
 from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table, without_count
 from fam_bundle_ros.errors import about, InputError
@@ -81,7 +81,7 @@ def told_clock(table: Table, several: Sequence[str]) -> dict[str, str]:
     """Return the first of several clocks as a user tells it; {} for none."""
     if not several:
         return {}
-    unit = clock_unit(table, several[0])
+    unit = table.unit_text(several[0])
     return {'time': f'{several[0]} [{unit}]' if unit else several[0]}
 
 

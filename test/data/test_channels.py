@@ -39,9 +39,9 @@ def tdms(path, groups, muscle):
     with nptdms.TdmsWriter(str(path)) as writer:
         writer.write_segment([
             nptdms.ChannelObject(group, name, readings(name, start + step * np.arange(
-                COUNT), muscle), {'unit_string': unit, **told})
+                *count or (COUNT,)), muscle), {'unit_string': unit, **told})
             for group, channels in groups.items()
-            for (name, unit), (told, start, step) in zip(CHANNELS.items(), channels)])
+            for (name, unit), (told, start, step, *count) in zip(CHANNELS.items(), channels)])
 
 
 def began(start):
@@ -65,7 +65,7 @@ def test_waveforms_have_their_own_starts_and_rates(told, starts, steps, muscle, 
 def test_a_start_that_was_not_set_is_that_of_the_first(muscle, tmp_path):
     """LabVIEW writes its year 1904, or nothing."""
     tdms(tmp_path / 'log.tdms', {'Log': [
-        ({'wf_increment': 0.1, **told}, 0.0, 0.1) for told in (
+        ({'wf_increment': 2.0, **told}, 0.0, 0.1) for told in (
             {'wf_start_time': began(0.0)}, {'wf_start_time': np.datetime64('1904-01-01T00:00:00')},
             {})]}, muscle)
     data = read_measurement(tmp_path / 'log.tdms')
@@ -89,15 +89,29 @@ def test_a_channel_without_an_increment_has_the_clock_of_one_with_as_many_sample
     assert np.allclose(data.force, readings('Force', data.time, muscle))
 
 
+def test_a_channel_of_times_goes_before_the_increments(muscle, tmp_path):
+    """A program that samples by itself writes its times, and increments of 1."""
+    nptdms = pytest.importorskip('nptdms')
+    time = 0.05 * np.arange(COUNT)
+    with nptdms.TdmsWriter(str(tmp_path / 'log.tdms')) as writer:
+        writer.write_segment([nptdms.ChannelObject('Log', 'Elapsed', time, {'unit_string': 's'})])
+        writer.write_segment([
+            nptdms.ChannelObject('Log', name, readings(name, time, muscle),
+                                 {'unit_string': unit, 'wf_increment': 1.0})
+            for name, unit in CHANNELS.items()])
+    assert np.allclose(read_measurement(tmp_path / 'log.tdms').time, time)
+
+
 def test_groups_whose_channels_begin_apart_remain_trials(muscle, tmp_path):
-    """In one of the groups all channels begin together."""
+    """In one of the groups all channels begin together; in one the force stops first."""
     tdms(tmp_path / 'log.tdms', {run: [
-        ({'wf_increment': 0.1, 'wf_start_time': began(start + late)}, late, 0.1)
-        for late in (0.0, 0.0, delay)] for run, start, delay in (
-            ('Run 1', 0.0, 0.5), ('Run 2', 60.0, 0.0), ('Run 3', 120.0, 0.3))}, muscle)
+        ({'wf_increment': 0.1, 'wf_start_time': began(start + late)}, late, 0.1, count)
+        for late, count in ((0.0, COUNT), (0.0, COUNT), (delay, COUNT - lost))]
+        for run, start, delay, lost in (
+            ('Run 1', 0.0, 0.5, 0), ('Run 2', 60.0, 0.0, 7), ('Run 3', 120.0, 0.3, 0))}, muscle)
     data = read_measurement(tmp_path / 'log.tdms')
     assert data.trial_names == ('Run 1', 'Run 2', 'Run 3')
-    assert np.bincount(data.trial).tolist() == [COUNT - 5, COUNT, COUNT - 3]
+    assert np.bincount(data.trial).tolist() == [COUNT - 5, COUNT - 7, COUNT - 3]
     assert np.allclose(data.force, muscle(data.strain, data.pressure[:, 0]), atol=0.5)
 
 
@@ -109,8 +123,8 @@ def lvm(path, clocks, starts, steps, muscle, segments=1, relative=True):
              'Date\t2026/05/03', 'Time\t12:00:00', '***End_of_Header***']
     stamps = [str(began(start))[11:].replace('.', ',') for start in starts]
     for _ in range(segments):
-        lines += ['', 'Channels\t3', f"Date\t{gap.join(['2026/05/03'] * 3)}",
-                  f'Time\t{gap.join(stamps)}', f'Y_Unit_Label\t{gap.join(CHANNELS.values())}',
+        lines += ['', 'Channels\t3', f'Time\t{gap.join(stamps)}',
+                  f'Y_Unit_Label\t{gap.join(CHANNELS.values())}',
                   f"X0\t{gap.join(['0.0'] * 3)}", f'Delta_X\t{gap.join(map(str, steps))}',
                   '***End_of_Header***']
         lines += ['\t'.join(f'X_Value\t{name}' for name in CHANNELS) if clocks == 'Multi' else

@@ -37,7 +37,8 @@ def padded(values):
                                    ('X_Value', 'X_Value (2)', 'X_Value (3)'),
                                    ('Time 1 (s)', 'Time 2 (s)', 'Time 3 (s)'),
                                    ('Strain time (s)', 'Pressure time (s)', 'Force time (s)'),
-                                   ('te (s)', 'tp (s)', 'tF (s)'), ('te', 'tp', 'tF')])
+                                   ('te (s)', 'tp (s)', 'tF (s)'), ('te', 'tp', 'tF'),
+                                   ('Time (s)', 'tp (s)', 'tF (s)')])
 def test_a_slower_channel_is_read_at_its_own_times(names, muscle):
     """A load cell at half the rate, its rows at the top of the table, blanks below."""
     slow = padded(TIME[::2])
@@ -88,9 +89,10 @@ def test_channels_of_several_rates_are_brought_together_trial_by_trial(muscle):
     assert np.allclose(data.force, force(few[np.isfinite(few)], muscle))
 
 
-def test_the_slowest_channel_is_that_in_the_time_of_all(muscle):
+@pytest.mark.parametrize('first', [0.0, -20.0])
+def test_the_slowest_channel_is_that_in_the_time_of_all(first, muscle):
     """As many readings at half the rate are of twice the time."""
-    twice = 2.0 * TIME
+    twice = 2.0 * TIME + first
     data = read_measurement({
         'time [s]': TIME, 'strain': strain(TIME), 'time [s] (2)': twice,
         'p [kPa]': pressure(twice), 'F [N]': force(twice, muscle)})
@@ -99,10 +101,11 @@ def test_the_slowest_channel_is_that_in_the_time_of_all(muscle):
     assert np.allclose(data.force, force(data.time, muscle))
 
 
-def test_times_without_a_common_part_are_refused(muscle):
-    """One clock since the start, and one since 1970."""
-    stamps = 1.7e9 + TIME
-    with pytest.raises(InputError, match=r'no time in common .*force 1700000000 to 1700000020 s'):
+@pytest.mark.parametrize(('stamps', 'said'), [
+    (1.7e9 + TIME, '1700000000 to 1700000020'), (padded(np.array([-1.0, 60.0])), '-1 to 60')])
+def test_times_without_a_common_part_are_refused(stamps, said, muscle):
+    """One clock since the start, and one since 1970, or with no reading in between."""
+    with pytest.raises(InputError, match=f'no time in common .*force {said} s'):
         read_measurement({
             'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
             'time [s] (2)': stamps, 'F [N]': force(TIME, muscle)})
@@ -169,10 +172,20 @@ def test_vectors_of_several_lengths_have_the_clock_of_their_length(muscle, tmp_p
 def test_a_count_of_fewer_readings_is_no_clock_beside_one(muscle):
     """It rises like a clock, and is filled as far as the column on its right."""
     data = read_measurement({
-        'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
-        'count': padded(np.arange(200.0)), 'F [N]': padded(force(TIME[:200], muscle))})
+        'time [s]': TIME, 'row': np.arange(400.0), 'strain': strain(TIME),
+        'p [kPa]': pressure(TIME), 'count': padded(np.arange(200.0)),
+        'F [N]': padded(force(TIME[:200], muscle))})
     assert np.allclose(data.time, TIME[:200])
     assert np.allclose(data.force, force(data.time, muscle))
+
+
+def test_a_clock_that_is_told_is_that_of_all(muscle):
+    """Though the columns have clocks of their own, it is the user who knows."""
+    half = TIME[:200]
+    data = read_measurement({
+        'row': TIME, 'te (s)': TIME, 'strain': strain(half.repeat(2)), 'p [kPa]': pressure(TIME),
+        'tF (s)': padded(half), 'F [N]': padded(force(half, muscle))}, columns={'time': 'row [s]'})
+    assert np.allclose(data.time, half)
 
 
 def test_times_that_a_column_on_their_right_exceeds_are_no_clocks(muscle):

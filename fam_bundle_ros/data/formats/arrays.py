@@ -104,7 +104,7 @@ def flattened(values: Mapping[str, Any], clock: str = 'time') -> dict[str, Any]:
         if not isinstance(value, Series):
             whole[name] = value
             continue
-        if len(value.clock) and not np.array_equal(times, value.clock, equal_nan=True):
+        if not np.array_equal(times, value.clock):
             count, times = count + 1, value.clock
             whole[clock if count == 1 else f'{clock} ({count})'] = filled_up(times, rows)
         whole[name] = filled_up(value.readings, rows)

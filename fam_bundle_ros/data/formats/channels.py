@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.column_names import recognise
-from fam_bundle_ros.data.formats.table import Table, without_count
+from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import unit_of
 
 
 class Series(NamedTuple):
-    """A channel with its times, which are empty where they are not known."""
+    """A channel with its times."""
 
     clock: np.ndarray
     readings: np.ndarray
@@ -27,22 +27,23 @@ def clocks_in(table: Table) -> list[str]:
     """
     Return the columns that are clocks of the columns on their right, [] where there is one clock.
 
-    They rise, have one unit or none, and are filled to different rows; the next column is filled
-    to the same row as its clock, and no column further.
+    They rise, have one unit or none, and are filled to different rows, and no column on their
+    right is filled further.
 
     Examples
     --------
-    >>> from fam_bundle_ros.data.formats.table import Table
-    >>> quick, slow = np.arange(4.0), np.array([0.0, 2.0, 4.0, np.nan])
-    >>> clocks_in(Table('log', '', {'tp': quick, 'p': 0 * quick, 'tF': slow, 'F': 0 * slow}))
+    >>> quick, slow, once = np.array([[0, 1, 2, 3], [0, 2, 4, np.nan], [9] + 3 * [np.nan]])
+    >>> clocks_in(Table('log', '', {'row': quick, 'tp': quick, 'T': 0 * quick, 'strain': quick,
+    ...                             'tF': slow, 'delay': once, 'F': 0 * slow}))
     ['tp', 'tF']
+    >>> clocks_in(Table('log', '', {'tp (s)': quick, 'p': quick, 'tF (ms)': slow, 'F': 0 * slow}))
+    []
     """
     filled = {header: int(np.flatnonzero(known)[-1]) for header, column in table.columns.items()
               if column.dtype.kind == 'f' and (known := np.isfinite(column)).any()}
     alike: dict[str, list[str]] = {}
     for header in filled:
-        unit = clock_unit(table, header)
-        quantity = recognise(without_count(header), unit).quantity
+        unit, quantity = table.unit_text(header) or '', table.meaning(header).quantity
         if quantity in ('', 'time') and (not unit or unit_of(unit, 's')) and rises(
                 table.columns[header]):
             alike.setdefault(unit or quantity, []).append(header)
@@ -51,17 +52,12 @@ def clocks_in(table: Table) -> list[str]:
         if not name and len(alike) > 1:  # a column without a name of time beside one with
             continue
         clocks = [one for one, right in zip(order, order[1:])
-                  if one in headers and right not in headers and filled[one] == filled[right]]
+                  if one in headers and right not in headers]
         if len({filled[clock] for clock in clocks}) > 1 and all(
                 filled[header] <= filled[clock]
                 for header, clock in nearest(order, clocks).items()):
             return clocks
     return []
-
-
-def clock_unit(table: Table, header: str) -> str:
-    """Return the text of the unit of a clock, '' for none; 'Time (2)' has the unit of 'Time'."""
-    return table.units.get(header) or table.unit_text(without_count(header)) or ''
 
 
 def nearest(order: list[str], clocks: list[str]) -> dict[str, str]:

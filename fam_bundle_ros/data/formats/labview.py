@@ -127,7 +127,7 @@ def _header_line(line: str) -> tuple[str, str]:
 
 
 def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
-    """Return the columns of a block, and the times of each, s since the first channel began."""
+    """Return the columns of a block, and the times of each, s since its first channel began."""
     channels = [name for name in block.columns if not str(name).startswith('X_Value')]
     starts = np.zeros(len(channels))
     stamps = [' '.join(stamp) for stamp in zip(*(_of_each(header, key, channels)
@@ -147,7 +147,7 @@ def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
             own = begin + step * np.arange(len(block))
         else:
             own = clock
-        clocks[f'X_Value of {name}'] = own + starts[at] - starts.min()
+        clocks[f'X_Value of {name}'] = own + starts[at]
     return block[channels].assign(**clocks)
 
 
@@ -208,7 +208,7 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
 
 
 def _of_group(channels: list[Any]) -> dict[str, Series]:
-    """Return a group's channels; those with times are padded to the longest."""
+    """Return a group's channels padded to the longest; as they are, and no times, without."""
     names = unique([channel.name for channel in channels])
     units = [str(channel.properties.get('unit_string') or channel.properties.get(
         'NI_UnitDescription') or '') for channel in channels]
