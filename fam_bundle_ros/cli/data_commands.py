@@ -131,8 +131,10 @@ def diagnose(
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick, choices=choices)
     show_muscle(bundle)
-    console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     _check_first(result.comparison)
+    console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
+    # effects that stand for a mistake in the data must not be added
+    if_right = 'if the data are right, ' if result.comparison.slips else ''
     error = result.error_N
     console.print(f"error {error['model']:.3g} N at present, {error['recalibrated']:.3g} N "
                   f"recalibrated, {error['best']:.3g} N at best; noise floor "
@@ -141,17 +143,17 @@ def diagnose(
         answered = result.verdict != 'unexplained'
         candidate_table(result.shortlist, '' if answered else result.shortlist_title,
                         'probability' if answered else 'among these')
-    console.print(escape(str(result.recommended)), soft_wrap=True)
+    console.print(if_right + escape(str(result.recommended)), soft_wrap=True)
     words = [*result.shapes, *(f'--replace {old}={new}' for old, new in result.replaced.items()),
              *(f'--remove {name}' for name in result.removed)]
     if words and len(recordings) > 1:
-        console.print(f"add: the same with [bold]--model-out {free_name('better.yaml')}[/bold] "
-                      'writes the model')
+        console.print(f"{if_right}add: the same with [bold]--model-out "
+                      f"{free_name('better.yaml')}[/bold] writes the model")
     elif words:
         again = f' {reading.words}' if reading.words else ''
-        console.print(f"add: [bold]fam_bundle add {' '.join(words)} --data {escape(data + again)} "
-                      f"--model {escape(model)} --out {free_name('better.yaml')}[/bold]",
-                      soft_wrap=True)
+        console.print(f"{if_right}add: [bold]fam_bundle add {' '.join(words)} --data "
+                      f'{escape(data + again)} --model {escape(model)} --out '
+                      f"{free_name('better.yaml')}[/bold]", soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be distinguished in these data: {", ".join(group)}')
     if result.parameters:

@@ -5,12 +5,15 @@
 import json
 import shlex
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from fam_bundle_ros.cli.app import app
 from fam_bundle_ros.cli.common import candidate_table
 from fam_bundle_ros.discovery.result import Candidate
+from fam_bundle_ros.model.modelfile import load_model
+from fam_bundle_ros.resources import model_path
 
 HEADER = 'strain,pressure [kPa],force [N]\n'
 ROWS = ''.join(f'{0.01 * (i % 20):.2f},{100 * (1 + i // 20)},{50 - i % 20}\n' for i in range(60))
@@ -72,6 +75,18 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     assert done.returncode == 0, done.stderr
     assert (tmp_path / 'better.yaml').read_text() == 'an earlier step'
     assert (tmp_path / 'better_2.yaml').exists()
+
+
+def test_what_stands_for_a_mistake_in_the_data_is_not_told_to_be_added(fam_bundle, tmp_path):
+    """A force in lbf that is read as N: what to check stands first, the rest under a condition."""
+    strain, pressure = np.tile(np.linspace(0.0, 0.2, 12), 4), np.repeat([1e5, 2e5, 3e5, 4e5], 12)
+    force = load_model(model_path('dmsp20_static_map')).force(strain, pressure[:, None])
+    np.savetxt(tmp_path / 'a.csv', np.stack([strain, pressure / 1e3, force / 4.448222], -1), '%.3f',
+               ',', comments='', header='strain,pressure [kPa],force [N]')
+    told = fam_bundle('diagnose', 'a.csv', '--model', 'dmsp20_static_map').stdout
+    assert told.index('check first: with a force in lbf') < told.index('recalibrated')
+    assert 'if the data are right, recommended: ' in told
+    assert '\nadd: ' not in told
 
 
 @pytest.mark.parametrize(('effect', 'shape', 'of', 'label'), [
