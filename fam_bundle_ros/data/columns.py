@@ -20,7 +20,7 @@ from fam_bundle_ros.data.cell_text import is_number
 from fam_bundle_ros.data.cells import labels, looks_like_time, no_reading, numbers, seconds
 from fam_bundle_ros.data.column_choice import Choices
 from fam_bundle_ros.data.column_names import absolute_of, likes
-from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words
+from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words, settings
 from fam_bundle_ros.data.formats.channels import clocks_in
 from fam_bundle_ros.data.formats.heads import interval_of
 from fam_bundle_ros.data.formats.table import Table
@@ -134,6 +134,8 @@ class _Reader:
                 values[key] = np.where(coded, np.nan, values[key])
                 self.notes.append(f"{counted(int(coded.sum()), 'cell')} of '{choice.header}' hold "
                                   f'{code:g}: taken as no reading')
+        told = settings(self.table, np.any([*words.values()], axis=0)) if words else False
+        values = {key: np.where(told, np.nan, column) for key, column in values.items()}
         between = rows_of_words(self.table, self._with_readings(values))
         refuse_another_header(self.table, between)
         clock = self.choices.chosen.get('time')

@@ -8,7 +8,7 @@ from itertools import takewhile
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import is_statistic
+from fam_bundle_ros.data.cell_text import is_number, is_statistic
 from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table, without_count
@@ -36,6 +36,22 @@ def rows_of_words(table: Table, readings: np.ndarray) -> np.ndarray:
     return found
 
 
+def settings(table: Table, words: np.ndarray) -> np.ndarray:
+    """
+    Return the rows above a next block that hold a setting, (T,) bool: 'Pressure', '3.0', 'bar'.
+
+    Parameters
+    ----------
+    table : Table
+    words : ndarray of bool, shape (T,)
+        Rows with a word in a column that is used.
+    """
+    found = np.zeros(len(words), bool)
+    for at in np.flatnonzero(words).tolist():
+        found[at] = _is_setting([cell for cell in _cells(table, at) if cell])
+    return found
+
+
 def refuse_another_header(table: Table, words: np.ndarray) -> None:
     """
     Raise InputError where a header with other columns or units stands further down.
@@ -50,7 +66,7 @@ def refuse_another_header(table: Table, words: np.ndarray) -> None:
     """
     for at in np.flatnonzero(words).tolist():
         cells = [cell for cell in _cells(table, at) if cell]
-        if sum(map(_of_a_header, cells)) > 1 and any(map(_of_a_header, _other_words(table, at))):
+        if not _is_setting(cells) and sum(map(_of_a_header, cells)) > 1 and any(map(_of_a_header, _other_words(table, at))):
             raise InputError(
                 f"{table.name}, row {table.rows[at]}: another header, '{', '.join(cells)[:80]}'; "
                 f"expected the columns and units of the first, '{', '.join(table.columns)[:80]}', "
@@ -105,6 +121,11 @@ def _other_words(table: Table, at: int) -> list[str]:
     return [cell for cell, header in zip(_cells(table, at), table.columns)
             if cell and ' '.join(cell.split()) not in (header, without_count(header))
             and cell.strip('[](){}<>') != table.units.get(header)]
+
+
+def _is_setting(cells: list[str]) -> bool:
+    """Return whether cells hold one number, and else a name and a unit at least."""
+    return sum(map(is_number, cells)) == 1 and sum(map(_of_a_header, cells)) > 1
 
 
 def _of_a_header(cell: str) -> bool:

@@ -38,7 +38,8 @@ def same(data, forces, above=0.0):
 
 @pytest.mark.parametrize('title', [
     'Pressure: {} bar', 'Test {}: p = {} bar', 'Versuch bei {} bar', 'p_set = {} bar', '{} bar',
-    '# {} bar', 'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **'])
+    '# {} bar', 'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **',
+    'Specimen {}\nPressure,{},bar', 'Probe {},,\nDate,3.5.2026,\nInnendruck: {} bar\nOperator,KM,'])
 def test_each_block_has_the_pressure_of_its_title(title, blocks, tmp_path):
     """With a head below each title; which titles they were is said."""
     rows, forces = blocks
@@ -65,6 +66,20 @@ def test_titles_in_cells_of_a_sheet_count_too(title, blocks, tmp_path):
         book.active.append([])
     book.save(tmp_path / 'log.xlsx')
     same(read_measurement(tmp_path / 'log.xlsx'), forces)
+
+
+def test_settings_between_blocks_are_no_readings(blocks, tmp_path):
+    """As testing machines write them; a date among decimal commas groups no thousands."""
+    rows, forces = blocks
+    (tmp_path / 'log.csv').write_text(''.join(
+        f'Probe {k};;;\nDatum;12.03.2026;;\nDruck;{level};bar;\nZeit;Dehnung;Kraft;Druck\n'
+        's;-;N;bar\n' + block.replace('\n', f',{level}\n').replace(',', ';')
+        for k, (level, block) in enumerate(zip(LEVELS, rows), 1)).replace('.', ',').replace(
+            '12,03,', '12.03.'))
+    data = read_measurement(tmp_path / 'log.csv', columns={'strain': 'Dehnung'})
+    same(data, forces)
+    assert np.allclose(data.strain[:40], data.strain[40:80])
+    assert data.strain.max() == pytest.approx(0.2, abs=1e-3)
 
 
 def test_titles_below_one_head_count_too(blocks, tmp_path):

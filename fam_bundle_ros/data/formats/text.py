@@ -133,8 +133,8 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     spaced = [isinstance(cell, str) and _SPACED.fullmatch(cell) is not None for cell in text]
     text = np.array([cell.replace(' ', '') if fits else cell for cell, fits in zip(text, spaced)],
                     object)  # 1 234,5
-    signed = [cell for cell in text if isinstance(cell, str)
-              and re.fullmatch(r'[-+\d.,eE]+', cell)]
+    signed = [cell for cell in text if isinstance(cell, str)  # not a date, '12.03.2024'
+              and (is_number(cell, '.') or is_number(cell, ','))]
     fits = {sign: all(is_number(cell, sign) for cell in signed) for sign in '.,'}
     # a column may have another decimal sign than the file: 12,5 beside 1.5
     if fits[','] and not (decimal == '.' and fits['.']):

@@ -52,9 +52,11 @@ def titled(table: Table) -> Table:
             lengths.min() < 1) or len({title.absolute for title in titles}) > 1:
         return table
     readings, _ = _readings(table)
-    ends = np.flatnonzero(readings[:-1] & ~readings[1:]) + 1
-    if set(ends.tolist()) - set(blocks.tolist()) - {len(readings)} - set(_blank_rows(table, ends)):
-        return table  # a block in between has a head or a title without a pressure
+    begins = np.flatnonzero(readings)
+    for end, begin in zip(begins[:-1] + 1, begins[1:]):
+        if end < begin and not ((blocks >= end) & (blocks <= begin)).any() and not _all_blank(
+                table, end, begin):
+            return table  # a block in between has a head or a title without a pressure
     pressure = np.repeat([title.pressure for title in titles], lengths)
     rows = np.isin(table.rows, [title.row for title in titles]) & ~readings
     # titles are removed from the columns: they are neither readings nor headers
@@ -91,7 +93,7 @@ def title_of_name(name: str) -> Title | None:
 
 def _title(row: int, line: str, sure: bool = True) -> Title | None:
     """Return a line with one pressure; None for others, such as that of a supply."""
-    text = ' '.join(re.split(r'[;\s]+', line)).strip('#*-=%!/<>;,"\' ')
+    text = ' '.join(re.split(r'[;\s]+|(?<=\D),(?=\S)|,(?=[^\s\d])', line)).strip('#*-=%!/<>;,"\' ')
     found: list[tuple[re.Match[str], Unit]] = [
         (match, unit) for match in _NUMBER.finditer(text) if (unit := unit_of(match[2], 'Pa'))]
     if len(found) != 1 or len(text) > 200:
@@ -115,10 +117,10 @@ def _without(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return column
 
 
-def _blank_rows(table: Table, rows: np.ndarray) -> list[int]:
-    """Return which of the given rows are blank."""
-    return [at for at in rows.tolist() if all(
-        blank(column[at]) for column in table.columns.values() if is_text(column))]
+def _all_blank(table: Table, begin: int, end: int) -> bool:
+    """Return whether some rows hold no words."""
+    return all(blank(cell) for column in table.columns.values() if is_text(column)
+               for cell in column[begin:end])
 
 
 def _readings(table: Table) -> tuple[np.ndarray, np.ndarray]:
