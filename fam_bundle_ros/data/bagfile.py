@@ -134,7 +134,7 @@ def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
             for at, each in enumerate(part):
                 yield from _numbers(each, f'{path}/{labels[at]}/{name}' if labels else
                                     f'{inner}/{at}')
-        elif name not in ('header', 'stamp', '__msgtype__'):
+        elif name not in ('header', 'layout', 'stamp', '__msgtype__'):
             yield from _numbers(part, inner)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fam_bundle_ros.data.cells import is_text, numbers
+from fam_bundle_ros.data.checks import ranges
 from fam_bundle_ros.data.column_names import STRAINS, unit_for
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
@@ -130,9 +131,16 @@ def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
         told = shown(meant) if alike else key
         if text is None:
             values = numbers(column)[0]
-            counts = not alike and (values[np.isfinite(values)] % 1.0 == 0.0).all()
+            values = values[np.isfinite(values)]
+            counts = not alike and (values % 1.0 == 0.0).all()
             told = told.replace('strain', 'contraction') if counts else told
             unit = _EXAMPLES.get(told, 'mm')
+            size = unit_for(key, _EXAMPLES[key])
+            low, high, *_ = ranges()[key]
+            if not alike and (meant or 'no reading' in table.meaning(header).why or size and not (
+                    counts or low <= size.factor * values.min() <= size.factor * values.max()
+                    <= high)):
+                continue  # of another quantity
             example = f'{told}={name_of(header)} ' + (f'* 0.5 {unit}' if counts else f'[{unit}]')
             without.insert(0 if alike else len(without), example)
         elif unit_for(key, text):

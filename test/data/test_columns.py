@@ -212,6 +212,14 @@ def test_an_example_keeps_the_unit_of_the_column(log, key, header, told):
     assert told in str(caught.value)
 
 
+@pytest.mark.parametrize('header', ['column 4', 'zero offset', 'force raw'])
+def test_no_column_of_another_quantity_is_an_example(log, header):
+    """One that is too large for a strain, one that is ruled out, and one that may be a force."""
+    data = table(log, strain=(header, (5.0 if header == 'column 4' else 0.1) * log[3]))
+    with pytest.raises(InputError, match=r'--columns "strain=\.\.\. \[%\]"'):
+        read_measurement(data)
+
+
 @pytest.mark.parametrize(('key', 'header', 'told'), [
     ('pressure', 'pressure [N]', 'pressure=pressure [kPa]'),
     ('pressure', 'p mu1 [furlong]', 'pressure.mu1=p mu1 [kPa]'),

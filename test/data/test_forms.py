@@ -141,6 +141,21 @@ def test_json_without_columns_fails(content, tmp_path):
         read_measurement(tmp_path / 'a.json')
 
 
+def test_a_json_line_of_settings_tells_the_rest_length_and_is_no_sample(log, tmp_path):
+    """Its fields are no columns, and rows count from it."""
+    records = [{'rest_length_mm': 1e3 * REST}, *(
+        {'t': t, 'L_mm': 1e3 * REST * (1 - e), 'p_kPa': p / 1e3, 'F_N': f}
+        for t, e, p, f in zip(log['time'], log['strain'], log['pressure'], log['force']))]
+    (tmp_path / 'a.jsonl').write_text('\n'.join(map(json.dumps, records)))
+    data = read_measurement(tmp_path / 'a.jsonl')
+    same(data, log)
+    assert 'not used' not in taken_words(data)
+    records[8]['F_N'] = 'jammed'
+    (tmp_path / 'a.jsonl').write_text('\n'.join(map(json.dumps, records)))
+    with pytest.raises(InputError, match="row 9: F_N is 'jammed'"):
+        read_measurement(tmp_path / 'a.jsonl')
+
+
 def test_json_that_nests_without_end_fails(tmp_path):
     """Brackets nested 100000 deep are refused."""
     path = tmp_path / 'deep.json'

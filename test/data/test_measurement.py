@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros import data as data_package
+from fam_bundle_ros.data.bagfile import bag_table
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.rates import slope, smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
@@ -169,6 +170,21 @@ def test_bags_give_gauge_pressure_at_the_stamps_of_the_force(tmp_path, storage):
     assert np.allclose(np.diff(data.pressure[:, 1]), 1e3)
     assert np.allclose(data.strain[50], 0.1 + 0.05 * np.sin(1.0))
     assert data.force[10] == pytest.approx(20.0)
+
+
+def test_the_layout_of_an_array_in_a_bag_is_no_reading(tmp_path):
+    """Its offset was shown as an example of a pressure."""
+    rosbags = pytest.importorskip('rosbags.rosbag2')
+    from rosbags.typesys import get_typestore, Stores
+    store = get_typestore(Stores.ROS2_JAZZY)
+    layout, array = (store.types[f'std_msgs/msg/{name}'] for name in (
+        'MultiArrayLayout', 'Float64MultiArray'))
+    with rosbags.Writer(tmp_path / 'run', version=9) as writer:
+        topic = writer.add_connection('/p', array.__msgtype__, typestore=store)
+        for k in range(3):
+            writer.write(topic, 10**9 + k, store.serialize_cdr(
+                array(layout([], 7), np.array([1.0, 2.0])), array.__msgtype__))
+    assert list(bag_table(tmp_path / 'run').columns) == ['time', '/p/0', '/p/1']
 
 
 def test_a_bag_of_other_topics_is_read_as_a_table(tmp_path):

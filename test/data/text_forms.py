@@ -202,6 +202,14 @@ TEXTS = {
     'JSON lines of sensors': lambda log: ''.join(json.dumps(
         {'ts': t, 'muscle': {'contraction_mm': x, 'p_kPa': p}, 'cell': {'force_N': f}}) + '\n'
         for t, x, p, f in (map(float, row) for row in cells(log))),
+    'JSON lines below a line of settings and units': lambda log: json.dumps(
+        {'kind': 'meta', 'gain': 3, 'units': {'x': 'mm', 'p': 'kPa', 'F': 'N', 't': 's'}}
+        ) + '\n' + ''.join(json.dumps({'kind': 'sample', 't': t, 'x': x, 'p': p, 'F': f}) + '\n'
+                           for t, x, p, f in (map(float, row) for row in cells(log))),
+    'JSON lines of arrays and units': lambda log: ''.join(json.dumps(
+        {'t': t, 'contraction_mm': [x, 0.0], 'cell': {'value': p, 'unit': 'kPa'},
+         'force': {'value': f / 1e3, 'unit': 'kN'}}) + '\n'
+        for t, x, p, f in (map(float, row) for row in cells(log))),
     'dicts that Python printed': lambda log: ''.join(
         str(dict(zip(('t', 'contraction_mm', 'p_kPa', 'F_N'), map(float, row)))) + '\n'
         for row in cells(log)),

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +17,9 @@ from fam_bundle_ros.data.formats.channels import as_columns, clocks_in, filled_u
 from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
+
+#: Longer arrays in a record (images, maps) are not read.
+_ARRAY = 16
 
 
 def read_parquet(path: Path, sheet: str | None = None) -> Table:
@@ -71,21 +75,41 @@ def read_npy(path: Path, sheet: str | None = None) -> Table:
 def read_json(path: Path, sheet: str | None = None) -> Table:
     """Return the table of a JSON file: lists by name, or a list of records."""
     pandas = library('pandas', f'{path.name}: reading it')
+    expected = ValueError, TypeError, AttributeError, RecursionError
     try:
         values = json.loads(path.read_text(encoding='utf-8-sig'))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        with reading_as(path, 'JSON', ValueError, RecursionError, AttributeError):
+        with reading_as(path, 'JSON', *expected):
             lines = path.read_text(encoding='utf-8-sig').splitlines()
-            records = [json.loads(line) for line in lines if line.strip()]
-            return of_frame(pandas.json_normalize(records), path.name, 'JSON lines')
+            return _of_records([json.loads(line) for line in lines if line.strip()], path.name,
+                               'JSON lines')
     if isinstance(values, list):
-        with reading_as(path, 'JSON', ValueError, TypeError, AttributeError):
-            return of_frame(pandas.json_normalize(values), path.name, 'JSON')
+        with reading_as(path, 'JSON', *expected):
+            return _of_records(values, path.name, 'JSON')
     inner = list(values.values()) if isinstance(values, dict) else []
     if inner and all(isinstance(each, dict) and len(each) > len(inner) and not any(
             isinstance(cell, (dict, list)) for cell in each.values()) for each in inner):
         return of_frame(pandas.DataFrame(values), path.name, 'JSON')  # as pandas writes by default
     return of_arrays(path.name, 'JSON', values if isinstance(values, dict) else {})
+
+
+def _of_records(records: list[dict[str, Any]], name: str, kind: str) -> Table:
+    """Return the table of records; those before the first sample tell settings and units."""
+    pandas = library('pandas', f'{name}: reading it')
+    frame = pandas.json_normalize([{
+        key: dict(enumerate(value)) if isinstance(value, list) and len(value) <= _ARRAY else value
+        for key, value in record.items()} for record in records])
+    filled = frame.notna().to_numpy()
+    readings = (filled.sum(axis=0) > 1) & np.array([kind.kind in 'iuf' for kind in frame.dtypes], bool)
+    first = int(np.argmax(filled[:, readings].any(axis=1))) if readings.any() else 0
+    told = {str(key): cell for _, row in frame[:first].iterrows() for key, cell in row.items()
+            if cell == cell}
+    table = of_frame(frame.loc[first:, filled[first:].any(axis=0) | ~filled.any(axis=0)
+                               ].reset_index(drop=True), name, kind)
+    return replace(table, rows=table.rows + first, above=tuple(
+        f'{key} = {cell}' for key, cell in told.items()), units={
+            header: str(cell) for key, cell in told.items() for header in table.columns
+            if _is_unit_of(key, header)})
 
 
 def flattened(values: Mapping[str, Any], clock: str = 'time') -> dict[str, Any]:
