@@ -53,7 +53,7 @@ class _Reader:
     def measurement(self) -> Measurement:
         """Return the measurement."""
         table, recipe, chosen = self.table, self.recipe, self.choices.chosen
-        several = [] if 'time' in recipe.columns else clocks_in(table)
+        several = clocks_in(table)
         self.choices.make({**clocks.told_clock(table, several), **recipe.columns})
         self.choices.refused.update(dict.fromkeys(several[1:], 'a clock of columns on its right'))
         self.choices.complete()

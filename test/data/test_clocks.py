@@ -179,12 +179,23 @@ def test_a_count_of_fewer_readings_is_no_clock_beside_one(muscle):
     assert np.allclose(data.force, force(data.time, muscle))
 
 
+def test_clocks_with_a_unit_of_time_need_no_name_of_one(muscle):
+    """Where something else is missing the message says what they are."""
+    slow = TIME[::2]
+    log = {'te (ms)': 1e3 * TIME, 'strain': strain(TIME), 'tF (ms)': padded(1e3 * slow),
+           'p [kPa]': padded(pressure(slow)), 'F [N]': padded(force(slow, muscle))}
+    assert np.allclose(read_measurement(log).time, slow)
+    del log['F [N]']
+    with pytest.raises(InputError, match=r"'tF \(ms\)' a clock of columns on its right"):
+        read_measurement(log)
+
+
 def test_a_clock_that_is_told_is_that_of_all(muscle):
     """Though the columns have clocks of their own, it is the user who knows."""
     half = TIME[:200]
     data = read_measurement({
         'row': TIME, 'te (s)': TIME, 'strain': strain(half.repeat(2)), 'p [kPa]': pressure(TIME),
-        'tF (s)': padded(half), 'F [N]': padded(force(half, muscle))}, columns={'time': 'row [s]'})
+        'tF (s)': padded(2.0 * half), 'F [N]': padded(force(half, muscle))}, columns={'time': 'row [s]'})
     assert np.allclose(data.time, half)
 
 

@@ -36,8 +36,10 @@ def clocks_in(table: Table) -> list[str]:
     >>> clocks_in(Table('log', '', {'row': quick, 'tp': quick, 'T': 0 * quick, 'strain': quick,
     ...                             'tF': slow, 'delay': once, 'F': 0 * slow}))
     ['tp', 'tF']
-    >>> clocks_in(Table('log', '', {'tp (s)': quick, 'p': quick, 'tF (ms)': slow, 'F': 0 * slow}))
-    []
+    >>> [clocks_in(Table('log', '', {f'1 {unit}': quick, 'p': quick, f'2 {other}': slow,
+    ...                              'F': 0 * slow}))
+    ...  for unit, other in (('[s]', '[s]'), ('[s]', '[ms]'), ('[V]', '[V]'))]
+    [['1 [s]', '2 [s]'], [], []]
     """
     filled = {header: int(np.flatnonzero(known)[-1]) for header, column in table.columns.items()
               if column.dtype.kind == 'f' and (known := np.isfinite(column)).any()}
