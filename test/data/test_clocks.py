@@ -195,7 +195,8 @@ def test_a_clock_that_is_told_is_that_of_all(muscle):
     half = TIME[:200]
     data = read_measurement({
         'row': TIME, 'te (s)': TIME, 'strain': strain(half.repeat(2)), 'p [kPa]': pressure(TIME),
-        'tF (s)': padded(2.0 * half), 'F [N]': padded(force(half, muscle))}, columns={'time': 'row [s]'})
+        'tF (s)': padded(2.0 * half), 'F [N]': padded(force(half, muscle))},
+        columns={'time': 'row [s]'})
     assert np.allclose(data.time, half)
 
 
