@@ -23,7 +23,7 @@ from fam_bundle_ros.control.curves import (
     slope_at,
     tabulate,
 )
-from fam_bundle_ros.control.inverse import fill, share, Shares
+from fam_bundle_ros.control.inverse import fill, place_bottoms, share, Shares
 from fam_bundle_ros.control.spread import ALL_ON, SCHEMES
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -190,6 +190,7 @@ class Allocator:
         tabulate(table, model)
         find_branches(table, [0] * len(self.order) if asleep is None
                       else [int(each) for each in asleep])
+        place_bottoms(table, model)
         return Curves(table, model)
 
 

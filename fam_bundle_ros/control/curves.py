@@ -197,9 +197,8 @@ def find_branches(table: Any, asleep: Any) -> None:
         bottom = table.bottom[unit]
         table.useful[unit], asleep[unit] = (1, 0) if useful else (0, 1)
         table.rest_force[unit] = rest
-        table.bottom_force[unit] = curve[bottom]
-        table.bottom_pressure[unit] = (kink_in_cell(table.grid[unit], curve, bottom) if useful
-                                       else table.grid[unit][0])
+        table.bottom_force[unit], table.bottom_pressure[unit] = curve[bottom], \
+            table.grid[unit][bottom]
         table.top_force[unit] = curve[last] if useful else rest
         table.dip[unit] = rest - curve[bottom]
         total += rest
@@ -234,22 +233,6 @@ def end_of_flat(table: Any, unit: int) -> int:
             break
         end += 1
     return end
-
-
-def kink_in_cell(grid: Any, curve: Any, bottom: int) -> float:
-    """
-    Return the pressure (Pa) at which a curve begins to rise, within the cell after its bottom.
-
-    There the line of the next cell reaches the force of the bottom: at a muscle's free strain the
-    curve has a kink.
-    """
-    if bottom + 2 >= len(grid):
-        return grid[bottom]
-    rise, step = curve[bottom + 2] - curve[bottom + 1], grid[bottom + 2] - grid[bottom + 1]
-    first = curve[bottom + 1] - curve[bottom]
-    if not 0.0 < first * step < rise * (grid[bottom + 1] - grid[bottom]):
-        return grid[bottom]
-    return grid[bottom + 1] - first * step / rise
 
 
 def top_at(table: Any, model: Any, state: int, strain: float) -> float:

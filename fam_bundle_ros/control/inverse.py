@@ -54,6 +54,24 @@ def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: fl
     return low + (high - low) * (wanted - low_force) / (high_force - low_force)
 
 
+def place_bottoms(table: Any, model: Any) -> None:
+    """
+    Move the bottom of a slack unit from the point of the table to the end of its flat.
+
+    Else the least demand above the bottom would move the pressure across the rest of that cell.
+    """
+    for k in range(len(table.order)):
+        unit = table.order[k]
+        grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
+        if bottom == 0 or bottom + 1 >= len(grid) or curve[bottom - 1] > curve[bottom] + FLAT:
+            continue
+        wanted = curve[bottom] + FLAT
+        if curve[bottom + 1] > wanted:
+            table.bottom_pressure[unit] = invert(table, model, table.order, k, k + 1, wanted,
+                                                 grid[bottom], grid[bottom + 1], curve[bottom],
+                                                 curve[bottom + 1])
+
+
 def set_fixed(table: Any, model: Any, fixed: Any, shares: Any) -> None:
     """Set the prescribed pressures (not nan in ``fixed``), and all others to zero."""
     for unit in range(len(table.order)):

@@ -53,7 +53,7 @@ from fam_bundle_ros.control.heading import (
     HeadingState,
     rest_at,
 )
-from fam_bundle_ros.control.inverse import Shares, total_of
+from fam_bundle_ros.control.inverse import place_bottoms, Shares, total_of
 from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
@@ -182,6 +182,7 @@ def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command
         set_moment(table, measurement.strain, 0.0, 0.0, 0.0, True)
         tabulate(table, model)
         find_branches(table, state.asleep)
+        place_bottoms(table, model)
         # A unit on its falling branch counts as off: it will be vented or crossed again.
         on = 0
         for k in range(len(table.order)):
@@ -276,6 +277,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         outer.target.force -= destabilising_force(table, model, command.pressure, coming)
     tabulate(table, model)
     find_branches(table, state.asleep)
+    place_bottoms(table, model)
     if settings.scheme != ALL_ON:
         set_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)
