@@ -78,7 +78,7 @@ def no_reading(values: np.ndarray) -> float | None:
         if abs(code) in _SCPI:
             return code
         others = np.sort(finite[finite != code])
-        if len(others) < 2 or not re.fullmatch('-?999+', f'{code:g}'.replace('.', '')):
+        if len(others) < 2 or not re.fullmatch('-?999+', f'{code:.9g}'.replace('.', '')):
             continue
         apart = np.diff(others).max() if code < 0.0 else np.ptp(others)
         if len(finite) - len(others) == 1:

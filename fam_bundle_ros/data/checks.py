@@ -26,6 +26,8 @@ _PACKET = 0.1
 _PAUSE = 5.0
 #: Times that go back by at most so many usual steps: the rows were written out of order.
 _SWAPPED = 3.0
+#: A smaller share of the rows outside a range is no wrong unit.
+_FEW = 0.05
 #: Variance inflation beyond which a column follows another one (the usual rule is 5 to 10).
 _INFLATION = 5.0
 
@@ -99,7 +101,9 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
     shown = '' if unit in ('1', '-') else unit
     if outside.any():
         at = int(np.argmax(np.where(outside, np.abs(values), -1.0)))
-        guess = _guess(quantity, values / factor, unit, low, high)
+        few = outside.mean() < _FEW
+        guess = (f' (in {outside.sum()} of {len(values)} rows: blank the cells if they are no '
+                 'readings)' if few else _guess(quantity, values / factor, unit, low, high))
         if not guess and quantity == 'strain' and np.median(values) < 0:
             guess = ' (is the sign turned round?)'
         elif high < values[at] < _HIGHEST.get(quantity, high):

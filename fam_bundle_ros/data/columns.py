@@ -68,7 +68,7 @@ class _Reader:
                 given[key] = unit.text, unit.factor
         pressure = np.stack([values[key] - self._ambient(key, values) for key in pressures], -1)
         strain, notes = strain_of(table, strain_key, chosen[strain_key], values, pressure,
-                                  self._rest_length)
+                                  self._rest_length, table.rows[rows])
         if strain_key not in recipe.columns:
             refuse_longer(table, chosen[strain_key], strain, self._rest_length)
         trial = chosen.get('trial')
@@ -133,7 +133,7 @@ class _Reader:
                 coded = values[key] == code
                 values[key] = np.where(coded, np.nan, values[key])
                 self.notes.append(f"{counted(int(coded.sum()), 'cell')} of '{choice.header}' hold "
-                                  f'{code:g}: taken as no reading')
+                                  f'{code:.9g}: taken as no reading')
         told = settings(self.table, np.any([*words.values()], axis=0)) if words else False
         values = {key: np.where(told, np.nan, column) for key, column in values.items()}
         between = rows_of_words(self.table, self._with_readings(values))

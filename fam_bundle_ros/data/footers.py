@@ -66,7 +66,8 @@ def refuse_another_header(table: Table, words: np.ndarray) -> None:
     """
     for at in np.flatnonzero(words).tolist():
         cells = [cell for cell in _cells(table, at) if cell]
-        if not _is_setting(cells) and sum(map(_of_a_header, cells)) > 1 and any(map(_of_a_header, _other_words(table, at))):
+        if not _is_setting(cells) and sum(map(_of_a_header, cells)) > 1 and any(
+                map(_of_a_header, _other_words(table, at))):
             raise InputError(
                 f"{table.name}, row {table.rows[at]}: another header, '{', '.join(cells)[:80]}'; "
                 f"expected the columns and units of the first, '{', '.join(table.columns)[:80]}', "

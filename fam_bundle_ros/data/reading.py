@@ -65,7 +65,8 @@ def read_measurement(source: Any, *, columns: Mapping[str, str] | None = None,
     sheet : str, optional
         Sheet of a workbook, group of a .tdms file, variable of a .mat file.
     drop_bad : bool, optional
-        Leave rows out, and count them, that hold a word where a number is expected.
+        Leave rows out, and count them, that hold a word where a number is expected, or more cells
+        than columns.
     recipe : Recipe or path, optional
         All of these together; what is given beside it counts more.
     name : str, optional
@@ -220,7 +221,8 @@ def _path(source: Any) -> Path | None:
 
 def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> Table:
     if path is not None:
-        table = bag_table(path) if is_bag(path) else read_table(path, recipe.sheet)
+        table = bag_table(path) if is_bag(path) else read_table(path, recipe.sheet,
+                                                                recipe.drop_bad)
     elif isinstance(source, Table):
         table = source
     elif isinstance(source, Mapping):

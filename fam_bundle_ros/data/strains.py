@@ -22,7 +22,8 @@ _STRETCHED, _SHORTER = 0.05, 0.02
 
 
 def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarray],
-              pressure: np.ndarray, rest: RestLength) -> tuple[np.ndarray, list[str]]:
+              pressure: np.ndarray, rest: RestLength, rows: np.ndarray,
+              ) -> tuple[np.ndarray, list[str]]:
     """
     Return the strain, (T,), and notes on it.
 
@@ -37,6 +38,7 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
         Readings of ``key`` and of the force, SI, with the sign of their columns.
     pressure : ndarray, shape (T, n), Pa
     rest : RestLength
+    rows : ndarray of int, shape (T,)
 
     Raises
     ------
@@ -61,7 +63,7 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
     if key == 'shift' and in_lengths and abs(np.nanmax(ratio, initial=0.0) - 1.0) < _AT_REST:
         key, choice.why = 'length', 'a length: its largest is the rest length'
     if key == 'length':
-        return 1.0 - ratio, notes + _length_notes(table.name, ratio, rest)
+        return 1.0 - ratio, notes + _length_notes(table.name, ratio, rest, rows)
     if key == 'shift':
         notes += _set_sign(choice, ratio, pressure, values['force'])
         ratio = ratio * choice.sign
@@ -85,16 +87,16 @@ def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLe
         f'moves its zero, --columns "{names[0]}={choice.header}" takes it as it is')
 
 
-def _length_notes(name: str, share: np.ndarray, rest: RestLength) -> list[str]:
+def _length_notes(name: str, share: np.ndarray, rest: RestLength, rows: np.ndarray) -> list[str]:
     """Return notes on lengths as shares of the rest length; refuse those of another muscle."""
     longest = float(np.nanmax(share)) if np.isfinite(share).any() else 1.0
     if not 0.5 < longest < 1.2:
         says = f'; the file says {1e3 * rest.stated:.4g} mm' if rest.stated else ''
         size = 1e3 * (rest.used or 1.0)
         raise InputError(
-            f'{name}: lengths up to {size * longest:.4g} mm beside a rest length of {size:.4g} mm'
-            '; expected the rest length of this muscle (--rest-length, rest_length, or its model)'
-            f'{says}')
+            f'{name}, row {rows[np.nanargmax(share)]}: lengths up to {size * longest:.4g} mm '
+            f'beside a rest length of {size:.4g} mm; expected the rest length of this muscle '
+            f'(--rest-length, rest_length, or its model){says}')
     if longest < 0.9:
         return [f'never longer than {longest:.2f} of the rest length']
     if longest > 1.1:

@@ -81,8 +81,8 @@ def test_what_stands_for_a_mistake_in_the_data_is_not_told_to_be_added(fam_bundl
     """A force in lbf that is read as N: what to check stands first, the rest under a condition."""
     strain, pressure = np.tile(np.linspace(0.0, 0.2, 12), 4), np.repeat([1e5, 2e5, 3e5, 4e5], 12)
     force = load_model(model_path('dmsp20_static_map')).force(strain, pressure[:, None])
-    np.savetxt(tmp_path / 'a.csv', np.stack([strain, pressure / 1e3, force / 4.448222], -1), '%.3f',
-               ',', comments='', header='strain,pressure [kPa],force [N]')
+    rows = np.stack([strain, pressure / 1e3, force / 4.448222], axis=1)
+    np.savetxt(tmp_path / 'a.csv', rows, '%.3f', ',', comments='', header=HEADER.strip())
     told = fam_bundle('diagnose', 'a.csv', '--model', 'dmsp20_static_map').stdout
     assert told.index('check first: with a force in lbf') < told.index('recalibrated')
     assert 'if the data are right, recommended: ' in told

@@ -424,7 +424,7 @@ def test_a_first_row_with_more_cells_is_not_lost(log, tmp_path):
 
 
 @pytest.mark.parametrize(('column', 'code'), [(3, '-999'), (3, '9999.00'), (2, '-99.99'),
-                                              (1, '-9999'), (3, '9.9E+37')])
+                                              (1, '-9999'), (3, '9.9E+37'), (3, '999.9999')])
 def test_nines_for_no_reading_are_blank_cells(log, tmp_path, column, code):
     """-999 again and again, far from every reading, is what loggers write for none: counted."""
     rows = cells(log)
@@ -436,7 +436,7 @@ def test_nines_for_no_reading_are_blank_cells(log, tmp_path, column, code):
         [HEAD.replace('kPa', 'bar' if code == '-99.99' else 'kPa')], rows))
     data = read_measurement(tmp_path / 'a.csv', rest_length=REST)
     assert sum(data.dropped.values()) == 3
-    assert any(f'hold {float(code):g}: taken as no reading' in note for note in data.notes)
+    assert any(f'hold {float(code):.9g}: taken as no reading' in note for note in data.notes)
 
 
 def test_a_code_below_zero_is_found_among_forces_that_are_wide(log):
@@ -456,6 +456,36 @@ def test_a_reading_of_nines_stays(log, reading):
     data = read_measurement({'t [s]': log['time'], 'eps': log['strain'],
                              'p [Pa]': log['pressure'], 'F [N]': force})
     assert len(data) == ROWS
+
+
+def test_a_few_readings_out_of_range_are_told_with_their_row_and_no_other_unit(log):
+    """The smallest number of 16 bits is no force in mN."""
+    force = log['force'].copy()
+    force[[31, 90]] = -32768.0
+    with pytest.raises(InputError, match=rf'row 32: force is -32768 N; .*\(in 2 of {ROWS} rows:'):
+        read_measurement({'t [s]': log['time'], 'eps': log['strain'], 'p [Pa]': log['pressure'],
+                          'F [N]': force})
+
+
+def test_a_length_of_another_muscle_is_told_with_its_row(log):
+    """It may be one that was misread."""
+    length = 250.0 * (1.0 - log['strain'])
+    length[17] = 777.0
+    with pytest.raises(InputError, match='row 18: lengths up to 777 mm'):
+        read_measurement({'t [s]': log['time'], 'L [mm]': length, 'p [Pa]': log['pressure'],
+                          'F [N]': log['force']}, rest_length=REST)
+
+
+@pytest.mark.parametrize('line', ['1.200,3.1,2001.300,3.2,200,150', '9,"a,b",7,8,9'])
+def test_a_row_of_more_cells_than_columns_is_refused_or_left_out(log, tmp_path, line):
+    """Two lines that a serial port merged."""
+    rows = cells(log)
+    (tmp_path / 'a.csv').write_text(text([HEAD], [*rows[:30], [line], *rows[30:]]))
+    with pytest.raises(InputError, match=r'a.csv, row 32: \d cells; expected 4 \(--drop-bad lea'):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+    data = read_measurement(tmp_path / 'a.csv', rest_length=REST, drop_bad=True)
+    same(data, log)
+    assert '1 row of more cells than columns left out (first row 32)' in data.notes
 
 
 def test_words_for_no_reading_are_blank_cells(log, tmp_path):

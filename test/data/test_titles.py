@@ -39,7 +39,8 @@ def same(data, forces, above=0.0):
 @pytest.mark.parametrize('title', [
     'Pressure: {} bar', 'Test {}: p = {} bar', 'Versuch bei {} bar', 'p_set = {} bar', '{} bar',
     '# {} bar', 'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **',
-    'Specimen {}\nPressure,{},bar', 'Probe {},,\nDate,3.5.2026,\nInnendruck: {} bar\nOperator,KM,'])
+    'Specimen {}\nPressure,{},bar',
+    'Probe {},,\nDate,3.5.2026,\nInnendruck: {} bar\nOperator,KM,'])
 def test_each_block_has_the_pressure_of_its_title(title, blocks, tmp_path):
     """With a head below each title; which titles they were is said."""
     rows, forces = blocks

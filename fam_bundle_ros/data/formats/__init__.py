@@ -50,7 +50,7 @@ def is_bag(path: Path) -> bool:
         return stream.read(16).startswith((b'\x89MCAP0\r\n', b'SQLite format 3'))
 
 
-def read_table(path: Path, sheet: str | None = None) -> Table:
+def read_table(path: Path, sheet: str | None = None, drop_bad: bool = False) -> Table:
     """
     Return the table that a file holds.
 
@@ -59,6 +59,8 @@ def read_table(path: Path, sheet: str | None = None) -> Table:
     path : path
     sheet : str, optional
         Sheet of a workbook, group of a .tdms file, variable of a .mat file.
+    drop_bad : bool, optional
+        Leave rows of a text file out that have more cells than columns.
 
     Raises
     ------
@@ -80,4 +82,4 @@ def read_table(path: Path, sheet: str | None = None) -> Table:
         return matlab.read_mat(path, sheet)
     if path.suffix.lower() in ('.json', '.jsonl', '.ndjson'):
         return arrays.read_json(path, sheet)
-    return text.read_text(path)
+    return text.read_text(path, drop_bad)

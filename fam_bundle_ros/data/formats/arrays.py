@@ -100,7 +100,8 @@ def _of_records(records: list[dict[str, Any]], name: str, kind: str) -> Table:
         key: dict(enumerate(value)) if isinstance(value, list) and len(value) <= _ARRAY else value
         for key, value in record.items()} for record in records])
     filled = frame.notna().to_numpy()
-    readings = (filled.sum(axis=0) > 1) & np.array([kind.kind in 'iuf' for kind in frame.dtypes], bool)
+    readings = (filled.sum(axis=0) > 1) & np.array(
+        [kind.kind in 'iuf' for kind in frame.dtypes], bool)
     first = int(np.argmax(filled[:, readings].any(axis=1))) if readings.any() else 0
     told = {str(key): cell for _, row in frame[:first].iterrows() for key, cell in row.items()
             if cell == cell}

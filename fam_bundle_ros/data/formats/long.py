@@ -76,9 +76,9 @@ def wide(table: Table) -> Table:
     for k, header in enumerate(headers):
         mine = labels == k
         values = cells[mine]
-        told = table.columns[unit_column][rows][mine] if unit_column is not None else ()
-        if any(not blank(text) and is_unit(str(text)) for text in set(told)):
-            values, units[header] = in_one_unit(table.name, header, values, told, at[mine])
+        texts = table.columns[unit_column][rows][mine] if unit_column is not None else values[:0]
+        if any(not blank(text) and is_unit(str(text)) for text in set(texts)):
+            values, units[header] = in_one_unit(table.name, header, values, texts, at[mine])
         columns[header] = _spread(values, place[mine], len(first))
     unread = [repr(header) for header in others if not is_unnamed(header)
               and header not in (*columns, *qualities, clock.source, unit_column)]

@@ -26,7 +26,7 @@ from fam_bundle_ros.data.formats.dialect import BLANK, Dialect, is_comment, snif
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import check_size, Table, unique
-from fam_bundle_ros.data.measurement import MAX_ROWS
+from fam_bundle_ros.data.measurement import counted, MAX_ROWS
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
@@ -45,9 +45,15 @@ _TUPLE = re.compile(r'[\[(]([-+\w., \t]+)[\])](?=\s*$)')
 _REMARKS = 10_000
 
 
-def read_text(path: Path) -> Table:
+def read_text(path: Path, drop_bad: bool = False) -> Table:
     """
     Return the table that a text file holds.
+
+    Parameters
+    ----------
+    path : path
+    drop_bad : bool, optional
+        Leave rows of more cells than columns out.
 
     Raises
     ------
@@ -57,12 +63,12 @@ def read_text(path: Path) -> Table:
     check_size(path)
     encoding = encoding_of(path)
     try:
-        return _read(path, encoding)
+        return _read(path, encoding, drop_bad)
     except UnicodeDecodeError:  # a Latin-1 letter behind the part that was sniffed
-        return _read(path, 'cp1252')
+        return _read(path, 'cp1252', drop_bad)
 
 
-def _read(path: Path, encoding: str) -> Table:
+def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
     pandas = library('pandas', f'{path.name}: reading it')
     errors = 'replace' if encoding == 'cp1252' else 'strict'
     with open(path, encoding=encoding, errors=errors) as stream:
@@ -75,7 +81,7 @@ def _read(path: Path, encoding: str) -> Table:
     dialect, skipped = sniff(path.name, head)
     names = unique(dialect.layout.names)
     with open(path, encoding=encoding, errors=errors) as stream:
-        rows = _Rows(_lines(path.name, stream), skipped, dialect)
+        rows = _Rows(_lines(path.name, stream), skipped, dialect, drop_bad)
         decimal = '.' if dialect.decimal == dialect.separator else dialect.decimal
         try:
             pieces = []
@@ -105,7 +111,8 @@ def _read(path: Path, encoding: str) -> Table:
         if unit:
             units[name] = unit
     return Table(path.name, dialect.words, columns, units, at, above=tuple(head[:skipped]),
-                 remarks=tuple(rows.remarks), notes=tuple(filter(None, [dialect.layout.note])),
+                 remarks=tuple(rows.remarks),
+                 notes=tuple(filter(None, [dialect.layout.note, rows.note])),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -192,7 +199,8 @@ def _clock_cell(clock: re.Match[str]) -> str:
 class _Rows(io.TextIOBase):
     """The rows of data of a text file, for pandas: without head, comments and blank lines."""
 
-    def __init__(self, lines: Iterator[str], first: int, dialect: Dialect):
+    def __init__(self, lines: Iterator[str], first: int, dialect: Dialect, drop_bad: bool):
+        self._drop_bad, self._dropped = drop_bad, array('q')
         self._lines, self._at, self._first, self._rest = lines, 0, first, ''
         self._dialect = dialect
         self._separator = ' ' if dialect.separator == BLANK else dialect.separator
@@ -217,9 +225,13 @@ class _Rows(io.TextIOBase):
                 if len(self.remarks) < _REMARKS:
                     self.remarks.append((self._at, line.strip()))
                 continue
+            row = self._narrow(line.rstrip(self._end))
+            if self._drop_bad and self._too_wide(row):
+                self._dropped.append(self._at)
+                continue
             self.numbers.append(self._at)
             # blank cells at the end are left to pandas, which takes more cells for a mistake
-            parts.append(self._narrow(line.rstrip(self._end)) + '\n')
+            parts.append(row + '\n')
             length += len(parts[-1])
             if length >= wanted:
                 break
@@ -227,13 +239,24 @@ class _Rows(io.TextIOBase):
         self._rest = text[wanted:]
         return text[:wanted]
 
+    @property
+    def note(self) -> str:
+        """The number of rows that were left out, '' for none."""
+        return '' if not self._dropped else (
+            f"{counted(len(self._dropped), 'row')} of more cells than columns left out (first row "
+            f'{self._dropped[0]})')
+
+    def _too_wide(self, line: str) -> bool:
+        """Return whether a line has more cells than there are columns."""
+        width = self._dialect.layout.width
+        return line.count(self._separator) >= width and len(
+            split(line, self._dialect.separator)) > width
+
     def _narrow(self, line: str) -> str:
         """Cut a line of words, such as the head of a next test, to as many cells as columns."""
         width = self._dialect.layout.width
-        if line.count(self._separator) < width:
-            return line
-        cells = split(line, self._dialect.separator)
-        if len(cells) <= width or any(is_number(cell, self._dialect.decimal)
+        cells = split(line, self._dialect.separator) if self._too_wide(line) else []
+        if not cells or any(is_number(cell, self._dialect.decimal)
                                       for cell in cells[:width]):
             return line
         return self._separator.join(cell.replace('"', '').replace(self._separator, ' ')
@@ -245,5 +268,6 @@ def _bad_line(name: str, error: Exception, rows: _Rows) -> InputError:
     if match:
         at = int(match[2]) - 1
         row = rows.numbers[at] if at < len(rows.numbers) else at + 1
-        return InputError(f'{name}, row {row}: {match[3]} cells; expected {match[1]}')
+        return InputError(f'{name}, row {row}: {match[3]} cells; expected {match[1]} (--drop-bad '
+                          'leaves such rows out)')
     return InputError(f'{name}: cannot be read as a table ({in_short(error)})')
