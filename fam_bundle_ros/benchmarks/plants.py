@@ -111,13 +111,15 @@ def _late(delay: float, sensors: SensorConfig = SensorConfig(),
 
 
 def _larger(rig: RigConfig) -> RigConfig:
-    """Return a rig with its valves and lines enlarged for a DMSP-20, and supply for it."""
+    """Return a rig with valves, lines and supply enlarged for a DMSP-20."""
     valve, chamber, usual = rig.valve, rig.chamber, rig_for(
         SimpleNamespace(max_pressure=[MAX_PRESSURE]))
     return replace(
         rig, trip_pressure=usual.trip_pressure,
         supply=replace(rig.supply, pressure=usual.supply.pressure,
-                       resistance=rig.supply.resistance / _LARGER),
+                       volume=_LARGER * rig.supply.volume,
+                       resistance=rig.supply.resistance / _LARGER,
+                       flow_limit=_LARGER * rig.supply.flow_limit),
         valve=replace(valve, conductance=_LARGER * valve.conductance),
         chamber=replace(chamber, relief_pressure=usual.chamber.relief_pressure,
                         tube_volume=_LARGER * chamber.tube_volume,
