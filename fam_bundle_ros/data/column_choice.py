@@ -90,7 +90,10 @@ class Choices:
         for key, there in (('strain', self.strains), ('force', 'force' in self.chosen),
                            ('pressure', self.pressures)):
             if not there:
-                raise InputError(missing_column(self.table, key, self.taken()))
+                unread = [note for note in self.table.notes if note.startswith('not read: ')]
+                if unread:
+                    unread = ['', *unread, 'expected all in one table, or each as a file']
+                raise InputError(missing_column(self.table, key, self.taken()) + '; '.join(unread))
 
     def _recognised(self) -> None:
         used = {choice.header for choice in self.chosen.values()}

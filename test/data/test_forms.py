@@ -661,6 +661,20 @@ def test_a_rest_length_beside_the_arrays_is_the_file_s(log, tmp_path):
     assert any('the file says 250 mm' in note for note in notes)
 
 
+def test_a_sheet_for_each_sensor_is_a_part_of_one_recording(log, tmp_path):
+    """Each with a clock; without one of them, the message names the sheets that were not read."""
+    pytest.importorskip('openpyxl')
+    path, clock, *sensors = tmp_path / 'a.xlsx', *frame(log).columns
+    for count in (3, 2):
+        with pandas.ExcelWriter(path) as book:
+            for name in sensors[-count:]:
+                frame(log)[[clock, name]].to_excel(book, sheet_name=name[0], index=False)
+        if count == 3:
+            same(read_measurement(path, rest_length=REST), log)
+    with pytest.raises(InputError, match="'strain' is missing.*; not read: sheet .*; expect"):
+        read_measurement(path)
+
+
 def test_a_sheet_of_results_does_not_stand_for_the_log(log, tmp_path):
     """It has a column more, and fewer rows: the log is read and the other named."""
     pytest.importorskip('openpyxl')

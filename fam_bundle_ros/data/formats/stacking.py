@@ -126,7 +126,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
                     own = known[at - 1][header].unit or time_unit(table.name, header, column)[0]
                     column, unit = column * own.factor, 's'
             elif headers.count(header) > 1 or is_unnamed(header):
-                name = f'{table.name.rpartition(".")[0]} {header}'
+                name = f'{table.name.rpartition(".")[0] or table.name} {header}'
             blank = np.full(rows - len(column), np.nan)
             columns[name] = _joined([column, blank])
             units |= {name: unit} if unit else {}

@@ -15,12 +15,14 @@ import numpy as np
 from fam_bundle_ros.data.cell_text import in_groups, is_blank, is_number, number
 from fam_bundle_ros.data.column_names import STRAINS
 from fam_bundle_ros.data.formats import arrays, layout
-from fam_bundle_ros.data.formats.stacking import one_below_the_other
+from fam_bundle_ros.data.formats.stacking import one_below_the_other, parts_of_one
 from fam_bundle_ros.data.formats.table import MAX_BYTES, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
 _SNIFFED = 400
+#: Time, force, pressure and strain.
+_ALL = 4
 
 
 def read_zip(path: Path, sheet: str | None = None) -> Table:
@@ -75,7 +77,12 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     whole = one_below_the_other(alike)
     if whole is not None:
         return whole
-    others = [other.kind for other in alike.values() if other is not table]
+    parts = None
+    if sheet is None and known < _ALL:
+        parts = parts_of_one([replace(own, name=own.kind) for own, _ in found])
+    if parts is not None and _known(parts) == _ALL:
+        return replace(parts, name=path.name, kind='sheets side by side')
+    others = [other.kind for other, _ in found if other is not table]
     notes = (f'not read: {", ".join(others)} (tell the sheet)',) if others else ()
     return replace(table, notes=notes)
 
@@ -105,8 +112,13 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     columns = {name: column[kept] for name, column in columns.items()}
     table = Table(file, f'sheet {sheet}', columns, units, np.flatnonzero(kept) + begin + 1,
                   above=tuple(map(';'.join, head[:begin])), blanks=partial(_word, words))
+    return table, _known(table)
+
+
+def _known(table: Table) -> int:
+    """Return how many of time, force, pressure and strain a table has."""
     meant = set(table.quantities.values())
-    return table, len(meant & {'time', 'force', 'pressure'}) + bool(meant & set(STRAINS))
+    return len(meant & {'time', 'force', 'pressure'}) + bool(meant & set(STRAINS))
 
 
 def _has_decimal_comma(column: np.ndarray) -> bool:
