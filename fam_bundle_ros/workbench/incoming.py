@@ -38,6 +38,8 @@ UNITS = {'N': ('N', 'kN', 'mN', 'lbf', 'kgf', 'gf'),
 _FIELDS = ((r' \(--rest-length, rest_length, or (?:a|its) model\)', ': the Length of your muscle'),
            (r'; (?:tell it|expected it told)\b.*--columns.*', '; choose it in the table'),
            (r'; expected one, or to be told,.*', '; choose one in the table'),
+           (r'; expected zero at the rest length, and the direction:.*',
+            '; choose in the table what it is, contraction or elongation, and its sign'),
            (r' \(--drop-bad: so do words\)', ''),
            (r', or --max-pressure for a muscle that goes further',
             ', or a higher pressure of your muscle'))

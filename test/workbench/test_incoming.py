@@ -79,7 +79,7 @@ def test_the_length_of_the_muscle_is_the_rest_length(incoming):
 
 def test_a_constant_stands_for_a_column_that_is_missing():
     """An isobar without its pressure, a log without a clock."""
-    columns = {'x [mm]': COLUMNS['L [mm]'] - 115.0, 'F [N]': COLUMNS['A [N]']}
+    columns = {'x [mm]': 125.0 - COLUMNS['L [mm]'], 'F [N]': COLUMNS['A [N]']}
     made = Incoming('lab.csv', '', of_arrays('lab.csv', 'text', columns))
     made.muscle.type('length', '127')
     made.constant('pressure', '3 bar')
@@ -87,6 +87,18 @@ def test_a_constant_stands_for_a_column_that_is_missing():
     data = made.measurement()
     assert np.allclose(data.pressure, 3e5)
     assert np.allclose(np.diff(data.time), 0.1)
+
+
+def test_a_direction_of_a_position_is_chosen_in_the_table():
+    """Where the muscle never would be shorter than at rest."""
+    columns = {'x [mm]': COLUMNS['L [mm]'] - 115.0, 'F [N]': COLUMNS['A [N]'],
+               'p [bar]': COLUMNS['p1 [bar]']}
+    made = Incoming('lab.csv', '', of_arrays('lab.csv', 'text', columns))
+    made.muscle.type('length', '127')
+    assert made.said(made.look().problem).endswith('choose in the table what it is, contraction '
+                                                   'or elongation, and its sign')
+    made.change(*column(made, 'x [mm]'), quantity='contraction', turned=False)
+    assert made.measurement().strain.min() >= 0.0
 
 
 def test_what_is_told_is_a_recipe(incoming, tmp_path):
