@@ -83,7 +83,9 @@ def muscle_plant(model: Bundle, wrong: Wrong) -> ForeignPlant:
 
 def grid() -> tuple[np.ndarray, np.ndarray]:
     """Return strains and pressures (Pa) of the tables."""
-    return tuple(first + step * np.arange(count) for first, step, count in (STRAINS, PRESSURES))
+    strain, pressure = (first + step * np.arange(count)
+                        for first, step, count in (STRAINS, PRESSURES))
+    return strain, pressure
 
 
 def sizes_of(model: Bundle) -> list[float]:

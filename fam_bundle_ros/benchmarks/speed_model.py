@@ -83,7 +83,8 @@ def forces(scale: float) -> list[Figure]:
 
 def where_forces(scale: float) -> str:
     """Return where the whole catalogue spends its time."""
-    whole, motion = whole_catalogue(paper_bundle(2)), motion_of(max(int(0.2 * _ROWS * scale), 1000))
+    whole = whole_catalogue(paper_bundle(2))
+    motion = motion_of(max(int(0.2 * _ROWS * scale), 1000))
     return where_of(lambda: whole.simulate(motion))
 
 

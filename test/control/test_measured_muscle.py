@@ -1,0 +1,66 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The plant of a measured muscle, and the model that a user of these measurements would have."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.benchmarks.foreign_muscle import grid, Wrong
+from fam_bundle_ros.benchmarks.measured_muscle import (
+    DATA,
+    diagnosed_bundle,
+    measured_plant,
+    muscle_tables,
+)
+from fam_bundle_ros.benchmarks.plants import rest_force
+from fam_bundle_ros.data import as_measurement
+from fam_bundle_ros.resources import config_path
+
+
+@pytest.fixture(scope='module')
+def readings():
+    """Return the readings of a muscle that pulls: strain, pressure, force."""
+    data = as_measurement(config_path(DATA))
+    pulls = data.force > 0.0
+    return data.strain[pulls], data.pressure[pulls, 0], data.force[pulls]
+
+
+@pytest.mark.parametrize('friction', [0.0, 2.5])
+def test_the_plant_pulls_as_was_measured(readings, friction):
+    """Up to the steps of the table; elastic ends do not count twice where there is friction."""
+    plant = measured_plant(diagnosed_bundle(2), Wrong(friction=friction))
+    found = [rest_force(plant, e, [p, p]) / 2.0 for e, p, _ in zip(*readings)]
+    assert found == pytest.approx(readings[2], abs=3.0)
+
+
+def test_where_it_was_slack_the_plant_pushes_back():
+    """By as much as the muscles of the benchmark, in proportion to its section."""
+    model = diagnosed_bundle(2)
+    size = (model.motor_units[0].geometry.radius / 6.35e-3) ** 2
+    plant = measured_plant(model, Wrong())
+    for pressure in (0.0, 200e3):
+        most = size * (2.0 + 10.0 * -np.expm1(-pressure / 140e3))
+        assert rest_force(plant, 0.24, [pressure] * 2) / 2.0 == pytest.approx(-most, rel=0.01)
+
+
+def test_gas_does_the_work_that_pressure_adds_to_the_force():
+    """Its volume grows by df/dp times the length, at pressures at which every level pulls."""
+    model = diagnosed_bundle(2)
+    force, gas = muscle_tables(model)
+    strain, pressure = grid()
+    low, high = (int(np.argmin(abs(pressure - p))) for p in (450e3, 675e3))
+    for k in np.flatnonzero((strain > 0.01) & (strain < 0.19)):
+        growth = (gas[k + 1] - gas[k - 1]) / (strain[k + 1] - strain[k - 1])
+        added = (force[k, high] - force[k, low]) / (pressure[high] - pressure[low])
+        assert growth == pytest.approx(added * model.length, rel=0.03)
+    assert np.interp(0.0, strain, gas) == pytest.approx(float(model.gas_volume(0.0)[0]))
+
+
+def test_the_controllers_model_explains_the_readings_and_expects_a_push_back(readings):
+    """Nearly as well as they repeat, and as a bundle between rigid ends."""
+    strain, pressure, force = readings
+    model = diagnosed_bundle(3)
+    found = model.unit_forces(strain, np.stack([pressure] * 3, axis=-1))
+    assert np.sqrt(np.mean((found[:, 0] - force) ** 2)) < 4.0
+    assert np.ptp(found, axis=1) == pytest.approx(0.0)
+    assert np.all(model.unit_forces(0.24, [0.0] * 3) < -1.0)
