@@ -69,8 +69,8 @@ class Parameter:
     """
     One parameter of a law: default and bounds in ``unit``; all other values are SI.
 
-    ``fitted`` is False for parameters that data hardly determine (a smoothing width): discovery
-    does not fit them. ``name`` is by default that of the function's argument.
+    Discovery does not fit a parameter with ``fitted`` False. ``name`` is by default that of the
+    function's argument.
     """
 
     default: float
