@@ -86,6 +86,8 @@ def new_model(
         _write_bundle(out, start, {**given, 'part': part, 'effect': effects}, tendons, name,
                       json_file)
         return
+    if tendons:
+        raise InputError('--tendons: expected together with --from')
     if ask is None:
         ask = sys.stdin.isatty() and sys.stdout.isatty()
     if ask and part is None and not any(given.values()):

@@ -121,6 +121,7 @@ def test_a_slack_muscle_pushes_back_between_rigid_ends_but_not_on_tendons(fam_bu
 
 @pytest.mark.parametrize(('options', 'words'), [
     (['--from', 'spie2021'], ['spie2021', '2 motor units']),
+    ([*OPTIONS, '--tendons'], ['--tendons', '--from']),
     (['--from', 'dmsp20_static_map', '--radius', '5 mm'], ['--radius', '--from']),
     (['--from', 'dmsp20_static_map', '--part', 'dmsp-20'], ['--part', '--from']),
     (['--from', 'dmsp20_static_map', '--muscles', '1,0'], ["--muscles: '0'"]),
