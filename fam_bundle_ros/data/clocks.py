@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.column_names import dimension_of
-from fam_bundle_ros.data.formats.channels import clocks_in, nearest
+from fam_bundle_ros.data.formats.channels import nearest
 from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table, without_count
 from fam_bundle_ros.errors import about, InputError
@@ -85,21 +85,24 @@ def told_clock(table: Table, several: Sequence[str]) -> dict[str, str]:
     return {'time': f'{several[0]} [{unit}]' if unit else several[0]}
 
 
-def own_clocks(table: Table, clock: str, headers: Mapping[str, str]) -> dict[str, str]:
+def own_clocks(table: Table, clock: str, several: Sequence[str], headers: Mapping[str, str],
+               ) -> dict[str, str]:
     """
-    Return the clock of each quantity: the next on its left of those that `clocks_in` finds.
+    Return the clock of each quantity: the next on its left of several.
 
-    Where it finds none, columns that are called as the clock are clocks too.
+    Where the clock is none of these, columns that are called as it are clocks too.
 
     Parameters
     ----------
     table : Table
     clock : str
         Header of the time.
+    several : sequence of str
+        Clocks by `clocks_in`.
     headers : dict of str to str
         Quantity to header.
     """
-    order, clocks = list(table.columns), clocks_in(table)
+    order, clocks = list(table.columns), list(several)
     if clock not in clocks:
         clocks = [header for header in order if header == clock or same_name(header, clock)
                   and table.meaning(without_count(header)).quantity == 'time']
@@ -218,7 +221,7 @@ class Together(NamedTuple):
     note: str
 
 
-def bring_together(table: Table, clock: str, headers: Mapping[str, str],
+def bring_together(table: Table, clock: str, several: Sequence[str], headers: Mapping[str, str],
                    values: Mapping[str, np.ndarray], seconds: Callable[[str], np.ndarray],
                    ) -> Together | None:
     """
@@ -231,6 +234,8 @@ def bring_together(table: Table, clock: str, headers: Mapping[str, str],
     table : Table
     clock : str
         Header of the time.
+    several : sequence of str
+        Clocks by `clocks_in`.
     headers : dict of str to str
         Quantity to header, without the time.
     values : dict of str to ndarray, shape (T,)
@@ -238,7 +243,7 @@ def bring_together(table: Table, clock: str, headers: Mapping[str, str],
     seconds : callable
         Returns a clock, (T,), s, by its header.
     """
-    clocks = own_clocks(table, clock, headers)
+    clocks = own_clocks(table, clock, several, headers)
     times = {header: seconds(header) for header in dict.fromkeys(clocks.values())}
     with about(table.name):
         found = at_one_time({key: values[key] for key in headers},

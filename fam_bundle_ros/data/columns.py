@@ -49,12 +49,19 @@ class _Reader:
     recipe: Recipe
     choices: Choices
     notes: list[str] = field(default_factory=list)
+    several: list[str] = field(default_factory=list)  # clocks of columns on their right
 
     def measurement(self) -> Measurement:
         """Return the measurement."""
         table, recipe, chosen = self.table, self.recipe, self.choices.chosen
         several = clocks_in(table)
         self.choices.make({**clocks.told_clock(table, several), **recipe.columns})
+        if several and 'time' in recipe.columns and 'time' in chosen and not (
+                chosen['time'].offset):
+            self.notes.append(f"{' and '.join(map(repr, several))} differ: the time is that which "
+                              'is told, for all columns')
+            several = []
+        self.several = several
         self.choices.refused.update(dict.fromkeys(several[1:], 'a clock of columns on its right'))
         self.choices.complete()
         strain_key, pressures = self.choices.strains[0], self.choices.pressures
@@ -208,11 +215,17 @@ class _Reader:
         choice.unit = choice.unit or self._unit_above(header, 'time')
         if choice.unit is None:
             choice.unit, choice.why = time_unit(self.table.name, header, clock)
+        factor = choice.unit.factor
+        if header != choice.header and header in self.several:
+            unit = unit_of(self.table.unit_text(header) or '', 's')
+            if unit is None and self.table.unit_text(str(choice.header)):
+                unit, _ = time_unit(self.table.name, header, clock)
+            factor = unit.factor if unit else factor
         # subtract the origin of a clock that counts since 1970 before digits are lost in scaling
         first = numbers(chosen)[0]
         known = first[np.isfinite(first)]
         origin = known[0] if len(known) and np.abs(known).max() > 1e8 else 0.0
-        return (clock - origin) * choice.unit.factor * choice.sign + offset
+        return (clock - origin * choice.unit.factor / factor) * factor * choice.sign + offset
 
     def _run_on(self, header: str, clock: np.ndarray) -> np.ndarray:
         clock, anew = clocks.run_on(clock)
@@ -228,7 +241,7 @@ class _Reader:
             return values, time, rows
         known = self._with_readings(values)
         found = clocks.bring_together(
-            self.table, choice.header,
+            self.table, choice.header, self.several,
             {key: each.header for key in values if (each := self.choices.chosen[key]).header},
             values, lambda header: time if header == choice.header else self._seconds(
                 choice, header, known))

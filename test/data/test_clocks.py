@@ -200,6 +200,49 @@ def test_a_clock_that_is_told_is_that_of_all(muscle):
     assert np.allclose(data.time, half)
 
 
+@pytest.mark.parametrize(('clock', 'beside'), [
+    ('time [s]', 'valve open total [s]'), ('time [s]', 'Energy'), ('Step', 'Energy'),
+    ('time [s]', 'tank'), ('date', 'Air mass'), ('date', 'tF (s)')])
+def test_a_column_that_rises_is_no_clock_where_the_last_row_is_cut(clock, beside, muscle):
+    """Its name says no time, or the table has dates; the row without a force is left out."""
+    time = [f'2025-02-03 10:00:{second:06.3f}' for second in TIME] if clock == 'date' else TIME
+    sums = 0.9 * TIME + 0.001 * np.sin(TIME)
+    data = read_measurement({
+        clock: np.array(time), 'No': np.arange(400.0), 'strain': strain(TIME),
+        'p [kPa]': pressure(TIME), beside: padded(sums[:-1]),
+        'F [N]': padded(force(TIME, muscle)[:-1])})
+    assert len(data) == 399
+    assert np.allclose(data.force, force(TIME[:-1], muscle))
+    assert np.allclose(data.pressure[:, 0] / 1e3, pressure(TIME[:-1]))
+
+
+def test_a_time_that_is_told_is_that_of_all_columns():
+    """Also where it is one of the clocks that were found; the message names both."""
+    data = read_measurement({
+        'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+        'pump time [s]': padded(0.9 * TIME[:-1]), 'F [N]': padded(20.0 + TIME[:-1])},
+        columns={'time': 'time [s]'})
+    assert np.allclose(data.force, 20.0 + TIME[:-1])
+    assert "'time [s]' and 'pump time [s]' differ" in ' '.join(data.notes)
+
+
+@pytest.mark.parametrize('names', [
+    ('time', 'time ms'), ('t_a [s]', 't_b [ms]'), ('Time 1 (s)', 'Time 2 (ms)'),
+    ('time_cam [ms]', 'time_daq [s]'), ('time_cam [ms]', 'time')])
+@pytest.mark.parametrize('start', [0.0, 1.7e9])
+def test_clocks_in_seconds_and_milliseconds_are_two(names, start, muscle):
+    """A slower channel whose times have another unit."""
+    slow = TIME[::2]
+    first, second = (1e3 if 'ms' in name else 1.0 for name in names)
+    data = read_measurement({
+        names[0]: first * (start + TIME), 'strain': strain(TIME),
+        names[1]: padded(second * (start + slow)), 'p [kPa]': padded(pressure(slow)),
+        'F [N]': padded(force(slow, muscle))})
+    assert np.allclose(data.time - data.time[0], slow, atol=1e-5)
+    assert np.allclose(data.strain, strain(slow), atol=1e-5)
+    assert np.allclose(data.force, force(slow, muscle))
+
+
 def test_times_that_a_column_on_their_right_exceeds_are_no_clocks(muscle):
     """A force that goes on below the last of these times has others."""
     with pytest.raises(InputError, match='both may be time'):

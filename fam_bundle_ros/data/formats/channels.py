@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,8 @@ def clocks_in(table: Table) -> list[str]:
     """
     Return the columns that are clocks of the columns on their right, [] where there is one clock.
 
-    They rise, have one unit or none, and are filled to different rows, and no column on their
-    right is filled further.
+    They are `may_be_clocks`, are filled to different rows, and no column on their right is filled
+    further.
 
     Examples
     --------
@@ -39,27 +40,57 @@ def clocks_in(table: Table) -> list[str]:
     >>> [clocks_in(Table('log', '', {f'1 {unit}': quick, 'p': quick, f'2 {other}': slow,
     ...                              'F': 0 * slow}))
     ...  for unit, other in (('[s]', '[s]'), ('[s]', '[ms]'), ('[V]', '[V]'))]
-    [['1 [s]', '2 [s]'], [], []]
+    [['1 [s]', '2 [s]'], ['1 [s]', '2 [ms]'], []]
+    >>> clocks_in(Table('log', '', {'t [s]': quick, 'p': quick, 'valve open [s]': slow,
+    ...                             'F': 0 * slow}))
+    []
     """
     filled = {header: int(np.flatnonzero(known)[-1]) for header, column in table.columns.items()
               if column.dtype.kind == 'f' and (known := np.isfinite(column)).any()}
-    alike: dict[str, list[str]] = {}
-    for header in filled:
-        unit, quantity = table.unit_text(header) or '', table.meaning(header).quantity
-        if quantity in ('', 'time') and (not unit or unit_of(unit, 's')) and rises(
-                table.columns[header]):
-            alike.setdefault(unit or quantity, []).append(header)
-    order = list(filled)
-    for name, headers in alike.items():
-        if not name and len(alike) > 1:  # a column without a name of time beside one with
-            continue
-        clocks = [one for one, right in zip(order, order[1:])
-                  if one in headers and right not in headers]
-        if len({filled[clock] for clock in clocks}) > 1 and all(
-                filled[header] <= filled[clock]
-                for header, clock in nearest(order, clocks).items()):
-            return clocks
-    return []
+    order, headers = list(filled), may_be_clocks(table)
+    clocks = [one for one, right in zip(order, order[1:])
+              if one in headers and right not in headers]
+    several = len({filled[clock] for clock in clocks}) > 1 and all(
+        filled[header] <= filled[clock] for header, clock in nearest(order, clocks).items())
+    return clocks if several else []
+
+
+def may_be_clocks(table: Table) -> list[str]:
+    """
+    Return the columns of numbers that rise, and by their names are times.
+
+    [] where a column of text or of dates is the time: it is that of all columns.
+    """
+    found = []
+    for header, column in table.columns.items():
+        meant, unit = table.meaning(header), table.unit_text(header)
+        if column.dtype.kind in 'OM' and meant.quantity == 'time':
+            return []
+        if column.dtype.kind == 'f' and 'no reading' not in meant.why and (
+                not unit or unit_of(unit, 's')) and (
+                    meant.quantity == 'time' or not meant.quantity and says_time(
+                        header, unit or '')) and rises(column):
+            found.append(header)
+    return found
+
+
+def says_time(header: str, unit: str = '') -> bool:
+    """
+    Return whether a header of an unknown name may be one of times.
+
+    Examples
+    --------
+    >>> [says_time(header) for header in ('t_F', 'tF', 'Force time', 'T', 'row', 'Centimeter')]
+    [True, True, True, False, False, False]
+    >>> says_time('T (ms)', 'ms'), says_time('2 [s]', 's'), says_time('open total [s]', 's')
+    (True, True, False)
+    """
+    name = re.sub(r'[\[(].*', '', header)
+    name = name if not unit else re.sub(rf'(?<![a-zA-Z]){re.escape(unit)}\s*$', '', name)
+    word = re.search(r'(?<![a-zA-Z])[tT][a-zA-Z]?(?![a-zA-Z])' if unit else
+                     r'(?<![a-zA-Z])t[a-zA-Z]?(?![a-zA-Z])', name)
+    return bool(word or re.search(r'(?i)time(?![a-z])|timestamp|zeit|clock|stamp', name)
+                ) or bool(unit) and not re.search('[a-zA-Z]', name)
 
 
 def nearest(order: list[str], clocks: list[str]) -> dict[str, str]:
