@@ -231,7 +231,8 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
         table = of_frame(source, name or 'frame')
     told = recipe.columns
     for change in (oldest_first, with_stamps, wide, with_unit_columns, titled, unstacked):
-        changed = change(table)
+        changed = (with_unit_columns(table, told.values()) if change is with_unit_columns
+                   else change(table))
         gone = [header for header in table.columns if header not in changed.columns]
         asked = any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone
                     for text in told.values())

@@ -80,3 +80,51 @@ def test_readings_of_one_per_row_have_a_unit_each(log):
     data['unit'][3 * 5 + 1] = 'psia'
     with pytest.raises(InputError, match="row 17: the unit of p is 'psia', and in other rows"):
         read_measurement(data)
+
+
+@pytest.mark.parametrize(('key', 'header', 'size', 'name', 'cell'), [
+    ('force', 'Force', 1.0, 'Status', 'g'), ('strain', 'length', 0.25, 'mode', 'm'),
+    ('pressure', 'pressure', 1e-3, 'valve', 'at'), ('force', 'force', 1.0, 'Unit', 'A')])
+def test_a_status_that_looks_like_a_unit_is_none(log, key, header, size, name, cell):
+    """Only a column called unit, or without a name, holds units; 'A' may be a motor unit."""
+    values = size * {'force': log[3], 'strain': 1.0 - log[1], 'pressure': log[2]}[key]
+    data = {header: values, name: np.full(ROWS, cell, object), **table(log, **{key: None})}
+    read = read_measurement(data, rest_length=0.25)
+    assert np.allclose([read.strain, read.pressure[:, 0], read.force], log[1:])
+    assert any("'Unit' is not used" in note for note in read.notes) == (name == 'Unit')
+
+
+@pytest.mark.parametrize('name', ['comment', 'column 5'])
+def test_a_comment_on_one_reading_is_no_unit(log, name):
+    """A column without a name must have a unit for each reading."""
+    comment = np.full(ROWS, '', object)
+    comment[3] = 'bar'
+    read = read_measurement({'p': log[2] / 1e3, name: comment, **table(log, pressure=None)})
+    assert np.allclose(read.pressure[:, 0], log[2])
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_units_may_stand_on_the_left_of_the_readings(log, first):
+    """Each is of the column on its right where more fit there: bar and kPa fit both."""
+    columns = [('Unit', 'mm'), ('Length', 250.0 * (1.0 - log[1])), ('Unit (2)', 'bar'),
+               ('pressure.mu1', log[2] / 1e5), ('Unit (3)', 'kPa'), ('pressure.mu2', log[2] / 1e3),
+               ('Unit (4)', 'N'), ('Force', log[3])][0 if first else 2:]
+    data = {'time [s]': log[0]} if first else table(log, pressure=None, force=None)
+    data |= {name: np.full(ROWS, cells, object) if isinstance(cells, str) else cells
+             for name, cells in columns}
+    read = read_measurement(data, rest_length=0.25)
+    assert np.allclose([read.strain, *read.pressure.T, read.force], [*log[1:3], *log[2:]])
+
+
+@pytest.mark.parametrize('word', ['', 'n/a'])
+def test_a_blank_unit_is_the_only_one(log, word):
+    """Of several none is known, but what the user tells counts more."""
+    unit = np.full(ROWS, 'kN', object)
+    unit[[0, -1]] = word
+    data = {**table(log, force=('Force', log[3] / 1e3)), 'Unit': unit}
+    assert np.allclose(read_measurement(data).force, log[3])
+    unit[5:8] = 'N'
+    with pytest.raises(InputError, match="row 1: the unit of Force is ''"):
+        read_measurement(data)
+    told = read_measurement(data, columns={'force': 'Force [kN]'})
+    assert np.allclose(told.force, log[3])

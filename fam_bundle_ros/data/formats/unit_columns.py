@@ -5,13 +5,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+import re
 
 import numpy as np
 
 from fam_bundle_ros.data.cells import blank, is_text, numbers
 from fam_bundle_ros.data.column_names import QUANTITIES, unit_for, words_of
-from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.table import is_unnamed, Table
+from fam_bundle_ros.data.told_columns import name_of
 from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit, unit_of
 from fam_bundle_ros.errors import InputError
 
@@ -19,12 +22,24 @@ from fam_bundle_ros.errors import InputError
 NAMES = frozenset('unit units einheit einheiten unite unidad'.split())
 
 
-def with_unit_columns(table: Table) -> Table:
-    """
-    Return a table without the columns that hold the units of the column on their left.
+#: A current in A is no reading, and a likely name of a motor unit.
+_READ = ELECTRIC - {'A'}
 
-    Such a column is called 'unit' and mostly holds units, or is right of a quantity without a
-    unit and all its cells fit it. Readings of several units are converted to the first.
+
+def with_unit_columns(table: Table, told: Collection[str] = ()) -> Table:
+    """
+    Return a table without the columns that hold the units of the column beside them.
+
+    Such a column is called 'unit' and mostly holds units that fit the quantity beside it, or it
+    has no name, is right of a quantity, and has a fitting unit for each reading. Units are of the
+    column on their left, or all of that on their right where more fit. Readings of several units
+    are converted to the first.
+
+    Parameters
+    ----------
+    table : Table
+    told : collection of str
+        What the user tells: a unit in it counts more.
 
     Raises
     ------
@@ -33,29 +48,75 @@ def with_unit_columns(table: Table) -> Table:
     """
     columns, units, notes = dict(table.columns), dict(table.units), list(table.notes)
     headers = list(columns)
-    for header, beside in zip(headers, headers[1:]):
-        quantity, called = table.meaning(header).quantity, bool(NAMES & set(words_of(beside)))
-        if not is_text(columns[beside]) or table.unit_text(header) or (
-                not np.isfinite(numbers(columns[header])[0]).any()):
+    left: dict[str, str] = {}
+    right: dict[str, str] = {}
+    for at, beside in enumerate(headers):
+        if not is_text(columns[beside]) or not (_called(beside) or is_unnamed(beside)):
+            continue
+        if at and _fits(table, headers[at - 1], beside):
+            left[beside] = headers[at - 1]
+        if at + 1 < len(headers) and _called(beside) and _fits(table, headers[at + 1], beside):
+            right[beside] = headers[at + 1]
+    for beside, header in _pairs(table, left, right).items():
+        if any(re.search(rf'(?<!\w){re.escape(header)}\s*\[', text) for text in told):
             continue
         texts = Counter(str(cell).strip() for cell in columns[beside] if not blank(cell))
-        fitting = [text for text in texts if called and (is_unit(text) or text in ELECTRIC)
-                   or quantity not in ('', 'time') and unit_for(quantity, text)]
-        count = sum(texts[text] for text in fitting)
-        if not called and count < texts.total() or 2 * count <= texts.total():
-            continue
         columns[header], units[header] = in_one_unit(table.name, header, columns[header],
                                                      columns[beside], table.rows)
         notes.append(f"'{header}' is in {', '.join(texts)}, as '{beside}' tells" + (
             f': read in {units[header]}' if len(texts) > 1 else ''))
         del columns[beside]
+    for header, beside in zip(headers, headers[1:]):
+        if _called(beside) and is_text(columns.get(beside, np.zeros(0))) and (
+                beside not in {**left, **right} and table.meaning(header).quantity
+                and not table.unit_text(header)):
+            notes.append(f"'{beside}' is not used: it holds no unit of '{header}'")
     return replace(table, columns=columns, units=units, notes=tuple(notes))
+
+
+def _called(header: str) -> bool:
+    return bool(NAMES & set(words_of(header)))
+
+
+def _pairs(table: Table, left: Mapping[str, str], right: Mapping[str, str]) -> dict[str, str]:
+    """Return the columns of units and that of the readings of each: left, or right of all."""
+    def count(pairs: Mapping[str, str]) -> float:
+        return sum(1.0 if table.meaning(header).quantity else 0.5 for header in pairs.values())
+
+    both = list({**left, **right})
+    both.sort(key=list(table.columns).index)
+    swapped = count(right) > count(left) or count(right) == count(left) and bool(both) and (
+        both[0] not in left and both[-1] in right)
+    pairs = dict(right if swapped else left)
+    for beside in both:  # 'Force unit'
+        name = [word for word in words_of(beside) if word not in NAMES and not word.isdigit()]
+        pairs |= {beside: header for header in (right.get(beside), left.get(beside))
+                  if header and name and name == words_of(name_of(header))}
+    return pairs
+
+
+def _fits(table: Table, header: str, beside: str) -> bool:
+    """Return whether the cells of a column are units of the readings of another."""
+    quantity, readings = table.meaning(header).quantity, numbers(table.columns[header])[0]
+    known = np.isfinite(readings)
+    if table.unit_text(header) or not known.any() or quantity == 'trial':
+        return False
+    cells = np.array(['' if blank(cell) else str(cell).strip() for cell in table.columns[beside]])
+    units = {text: text in _READ or is_unit(text) if not quantity else
+             text in _READ or unit_for(quantity, text) is not None
+             for text in set(cells.tolist()) if text}
+    fitting = np.array([units.get(text, False) for text in cells])
+    if _called(beside):
+        return bool(2 * fitting.sum() > (cells != '').sum())
+    return quantity not in ('', 'time') and bool(fitting[known | (cells != '')].all())
 
 
 def in_one_unit(name: str, header: str, cells: np.ndarray, units: np.ndarray, rows: np.ndarray,
                 ) -> tuple[np.ndarray, str]:
     """
     Return readings in the unit of the first, and this unit; words among them stay as they are.
+
+    A blank unit is the only one that there is.
 
     Parameters
     ----------
@@ -72,7 +133,7 @@ def in_one_unit(name: str, header: str, cells: np.ndarray, units: np.ndarray, ro
     """
     texts = np.array(['' if blank(cell) else str(cell).strip() for cell in units], object)
     first = next(filter(None, texts), '')
-    if not (texts != first).any():
+    if not set(texts.tolist()) - {first, ''}:
         return cells, first
     readings, words = numbers(cells)
     known = [unit_of(first, like) for like in QUANTITIES.values()]
