@@ -89,6 +89,23 @@ def test_channels_of_several_rates_are_brought_together_trial_by_trial(muscle):
     assert np.allclose(data.force, force(few[np.isfinite(few)], muscle))
 
 
+@pytest.mark.parametrize('names', [('time [s]', 'time 2 [s]'), ('t_e (s)', 't_p (s)')])
+@pytest.mark.parametrize(('every', 'trials'), [(2, 1), (10, 1), (4, 4)])
+def test_a_slower_channel_on_the_right_of_a_text_file(names, every, trials, muscle, tmp_path):
+    """The rows below its last reading end with separators; its clock restarts with each trial."""
+    head = ['trial', names[0], 'strain [%]', 'F [N]', names[1], 'p [kPa]']
+    rows = [[trial, f'{time:.2f}', f'{100 * strain(time):.5f}', f'{force(time, muscle):.5f}', *(
+        (f'{time * every:.2f}', f'{pressure(time * every):.4f}') if at * every < len(TIME) else
+        ('', ''))] for trial in range(trials) for at, time in enumerate(TIME)]
+    (tmp_path / 'log.csv').write_text('\n'.join(','.join(map(str, row)) for row in [head, *rows]))
+    data = read_measurement(tmp_path / 'log.csv')
+    assert np.bincount(data.trial).tolist() == [len(TIME) // every] * trials
+    first = data.trial == 0
+    assert np.allclose(data.time[first], TIME[::every])
+    assert np.allclose(data.pressure[first, 0] / 1e3, pressure(TIME[::every]), atol=1e-3)
+    assert np.allclose(data.force[first], force(TIME[::every], muscle), atol=1e-3)
+
+
 @pytest.mark.parametrize('first', [0.0, -20.0])
 def test_the_slowest_channel_is_that_in_the_time_of_all(first, muscle):
     """As many readings at half the rate are of twice the time."""

@@ -14,6 +14,9 @@ from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import unit_of
 
+#: Largest share of the steps of a clock that go back, where it restarts with each trial.
+_ANEW = 0.05
+
 
 class Series(NamedTuple):
     """A channel with its times."""
@@ -57,7 +60,7 @@ def clocks_in(table: Table) -> list[str]:
 
 def may_be_clocks(table: Table) -> list[str]:
     """
-    Return the columns of numbers that rise, and by their names are times.
+    Return the columns of numbers that by their names are times, and rise but for restarts.
 
     [] where a column of text or of dates is the time: it is that of all columns.
     """
@@ -69,7 +72,7 @@ def may_be_clocks(table: Table) -> list[str]:
         if column.dtype.kind == 'f' and 'no reading' not in meant.why and (
                 not unit or unit_of(unit, 's')) and (
                     meant.quantity == 'time' or not meant.quantity and says_time(
-                        header, unit or '')) and rises(column):
+                        header, unit or '')) and rises(column, _ANEW):
             found.append(header)
     return found
 
@@ -103,10 +106,19 @@ def nearest(order: list[str], clocks: list[str]) -> dict[str, str]:
     return found
 
 
-def rises(column: np.ndarray) -> bool:
-    """Return whether each of three or more readings is above the one before."""
+def rises(column: np.ndarray, anew: float = 0.0) -> bool:
+    """
+    Return whether each of three or more readings is above the one before.
+
+    Parameters
+    ----------
+    column : ndarray, shape (T,)
+    anew : float
+        Share of the steps that may go back, as a clock does that restarts with each trial.
+    """
     steps = np.diff(column[np.isfinite(column)])
-    return len(steps) > 1 and bool((steps > 0.0).all())
+    back = steps < 0.0
+    return len(steps) > 1 and bool((steps[~back] > 0.0).all()) and back.mean() <= anew
 
 
 def filled_up(values: np.ndarray, rows: int) -> np.ndarray:

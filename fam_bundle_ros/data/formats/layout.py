@@ -60,7 +60,8 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     """
     Return the index of the first row of data and the number of columns; (-1, 0) for no data.
 
-    More cells than usual are columns only where a row above the data has as many.
+    More cells than usual are columns only where a row above the data has as many, or where most
+    rows have as many separators.
 
     Parameters
     ----------
@@ -69,7 +70,12 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
     """
     width = np.array([len(trimmed(row)) for row in grid])
     numbers = np.array([sum(is_reading(cell, decimal) for cell in row) for row in grid])
-    blanks = np.array([sum(is_blank(cell) for cell in trimmed(row)) for row in grid])
+    cells = np.array([len(row) for row in grid])
+    common = int(np.bincount(cells[len(grid) // 2:]).argmax()) if len(grid) else 0
+    if ((width == common) & (numbers >= 2)).any():  # the columns on the right end earlier
+        width = np.where((cells == common) & (numbers >= 1), common, width)
+    blanks = np.array([sum(is_blank(cell) for cell in row[:count])
+                       for row, count in zip(grid, width)])
     later = np.arange(len(grid)) >= len(grid) // 2
     # rows of one number count only if there are no rows of more
     full = later & (numbers >= 2) if (later & (numbers >= 2)).any() else numbers >= 2
