@@ -57,10 +57,10 @@ def read_bag(path: Path, recipe: Recipe | None = None, name: str | None = None,
     label = name or path.name
     with _opened(path, label) as reader:
         topics = _topics(label, reader.connections)
-        series = _collect(label, reader, topics) if topics else {}
+        series, note = _collect(label, reader, topics) if topics else ({}, '')
     if not series or not series['force'][:, 1].any():  # the force is along another axis
         return None
-    return _resample(label, series, recipe or Recipe())
+    return _resample(label, series, recipe or Recipe(), note)
 
 
 @contextmanager
@@ -94,7 +94,8 @@ def bag_table(path: Path, name: str | None = None) -> Table:
     with _opened(path, label) as reader:
         wanted = [one for one in reader.connections if not re.search(
             r'/(\w*Image|PointCloud2|OccupancyGrid|Log|ParameterEvent|TFMessage)$', one.msgtype)]
-        for topic, message, stamp in _messages(label, reader, wanted):
+        stamped, note = _stamped(reader, wanted)
+        for topic, message, stamp in _messages(label, reader, wanted, stamped):
             for header, value in _numbers(message, topic):
                 stamps.setdefault(header, []).append(stamp)
                 readings.setdefault(header, []).append(value)
@@ -105,17 +106,40 @@ def bag_table(path: Path, name: str | None = None) -> Table:
     for header, values in readings.items():
         columns[header] = np.full(len(clock), np.nan)
         columns[header][np.searchsorted(clock, stamps[header])] = values
-    return Table(label, 'ROS 2 bag', columns, {'time': 's'})
+    return Table(label, 'ROS 2 bag', columns, {'time': 's'}, notes=(note,) if note else ())
 
 
-def _messages(label: str, reader: Any, connections: list[Any]) -> Iterator[tuple[str, Any, int]]:
-    """Yield topic, message and its time in ns: the stamp of its header, else when it came."""
+def _stamp(message: Any) -> int:
+    """Return the stamp of a message's header in ns, 0 for none."""
+    stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+    return 1_000_000_000 * stamp.sec + stamp.nanosec if stamp is not None else 0
+
+
+def _stamped(reader: Any, connections: list[Any]) -> tuple[bool, str]:
+    """
+    Return whether the first message of each topic has a stamp, and a note where some have.
+
+    Stamps of one topic and the times at which another was received may be of two clocks, and
+    differ by the delay of the messages.
+    """
+    with_stamp, without = [], []
+    for connection in connections:
+        for _, _, raw in reader.messages(connections=[connection]):
+            message = reader.deserialize(raw, connection.msgtype)
+            (with_stamp if _stamp(message) else without).append(connection.topic)
+            break
+    note = (f"'{with_stamp[0]}' has stamps and '{without[0]}' has none: all are read at the times "
+            'at which they were received') if with_stamp and without else ''
+    return not without, note
+
+
+def _messages(label: str, reader: Any, connections: list[Any], stamped: bool,
+              ) -> Iterator[tuple[str, Any, int]]:
+    """Yield topic, message and its time in ns: its stamp if all have one, else when it came."""
     count: Counter[str] = Counter()
     for connection, received, raw in reader.messages(connections=connections):
         message = reader.deserialize(raw, connection.msgtype)
-        stamp = getattr(getattr(message, 'header', None), 'stamp', None)
-        at = 1_000_000_000 * stamp.sec + stamp.nanosec if stamp is not None else 0
-        yield connection.topic, message, at or received
+        yield connection.topic, message, stamped and _stamp(message) or received
         count[connection.topic] += 1
         if count[connection.topic] > MAX_ROWS:
             raise InputError(f'{label}: more than {MAX_ROWS} messages on {connection.topic}')
@@ -161,10 +185,13 @@ def _topics(label: str, connections: Any) -> dict[str, str]:
     return {found[key][0]: key for key in ['force', 'strain'] + pressures}
 
 
-def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.ndarray]:
+def _collect(label: str, reader: Any, topics: dict[str, str],
+             ) -> tuple[dict[str, np.ndarray], str]:
+    """Return times in s and readings of each quantity, and a note on the times."""
     rows: dict[str, list[tuple[float, float]]] = {key: [] for key in topics.values()}
     wanted = [connection for connection in reader.connections if connection.topic in topics]
-    for topic, message, at in _messages(label, reader, wanted):
+    stamped, note = _stamped(reader, wanted)
+    for topic, message, at in _messages(label, reader, wanted, stamped):
         key = topics[topic]
         if key == 'force':
             value = message.wrench.force.x
@@ -188,11 +215,12 @@ def _collect(label: str, reader: Any, topics: dict[str, str]) -> dict[str, np.nd
         table = np.array(pairs)
         table = table[np.argsort(table[:, 0], kind='stable')]
         series[key] = table[np.concatenate([[True], np.diff(table[:, 0]) > 0])]
-    return series
+    return series, note
 
 
-def _resample(label: str, series: dict[str, np.ndarray], recipe: Recipe) -> Measurement:
-    """Return the measurement of all topics at the stamps of the force."""
+def _resample(label: str, series: dict[str, np.ndarray], recipe: Recipe, note: str = '',
+              ) -> Measurement:
+    """Return the measurement of all topics at the times of the force."""
     begin = max(table[0, 0] for table in series.values())
     end = min(table[-1, 0] for table in series.values())
     clock = series['force'][:, 0]
@@ -211,7 +239,7 @@ def _resample(label: str, series: dict[str, np.ndarray], recipe: Recipe) -> Meas
         strain = values['contraction'] / rest_length
     units = [key for key in values if key.startswith('pressure.')]
     pressure = np.stack([values[key] for key in units], -1)
-    notes = []
+    notes = [note] if note else []
     if recipe.gauge is None and pressure.min() < 60e3:
         notes.append(f'lowest pressure {pressure.min() / 1e3:.1f} kPa absolute: taken as gauge, '
                      'as FluidPressure should not be')

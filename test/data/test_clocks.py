@@ -502,3 +502,34 @@ def test_cycles_of_a_clock_that_runs_on_are_one_trial(muscle):
     assert len(read_measurement(data).trial_names) == 4
     assert len(read_measurement({**data, 'time [s]': TIME}).trial_names) == 1
     assert len(read_measurement({**data, 'time [s]': TIME % 5.0}).trial_names) == 4
+
+
+@pytest.mark.parametrize(('first', 'delay'), [(5.0, 0.0), (1.7e9, 0.4), (1.7e9 - 12.0, 0.0)])
+def test_topics_with_and_without_stamps_are_read_when_they_were_received(first, delay, muscle,
+                                                                         tmp_path):
+    """Stamps since boot, of a clock that is off, or older than the time of receipt."""
+    pytest.importorskip('rosbags')
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import get_typestore, Stores
+    store = get_typestore(Stores.ROS2_JAZZY)
+    time, header, vector, wrench, force_of, number = (store.types[name] for name in (
+        'builtin_interfaces/msg/Time', 'std_msgs/msg/Header', 'geometry_msgs/msg/Vector3',
+        'geometry_msgs/msg/Wrench', 'geometry_msgs/msg/WrenchStamped', 'std_msgs/msg/Float64'))
+    zero = vector(0.0, 0.0, 0.0)
+    with Writer(tmp_path / 'run', version=9) as bag:
+        topics = {topic: bag.add_connection(topic, kind.__msgtype__, typestore=store)
+                  for topic, kind in (('/cell/wrench', force_of), ('/pam/pressure_kPa', number),
+                                      ('/pam/contraction', number))}
+        for now, pull in zip(TIME, force(TIME, muscle)):
+            head = header(time(*divmod(int(1e9 * (first + now)), 10 ** 9)), '')
+            for topic, message in (
+                    ('/cell/wrench', force_of(head, wrench(vector(pull, 0.0, 0.0), zero))),
+                    ('/pam/pressure_kPa', number(pressure(now))),
+                    ('/pam/contraction', number(strain(now)))):
+                bag.write(topics[topic], int(1e9 * (1.7e9 + now + delay)),
+                          store.serialize_cdr(message, message.__msgtype__))
+    data = read_measurement(tmp_path / 'run')
+    assert len(data) == len(TIME)
+    assert np.allclose(data.force, force(TIME, muscle))
+    assert np.allclose(data.strain, strain(TIME))
+    assert "'/cell/wrench' has stamps and '/pam/pressure_kPa' has none" in ' '.join(data.notes)
