@@ -20,7 +20,7 @@ from fam_bundle_ros.data.clocks import same_name
 from fam_bundle_ros.data.column_names import (
     absolute_of,
     dimension_of,
-    LONGER,
+    is_longer,
     Match,
     recognise,
     STRAINS,
@@ -190,7 +190,7 @@ class Choices:
         for key, entries in found.items():
             header, match = self._best(key, entries)
             absolute = match.unit.absolute if match.unit else match.absolute
-            longer = key == 'elongation' or 'strain' in header.casefold() and LONGER.search(header)
+            longer = key == 'elongation' or 'strain' in header.casefold() and is_longer(header)
             self.chosen[key] = Choice(header, match.unit, -1 if longer else 1, absolute=absolute)
 
     def _name_pressures(self, found: dict[str, list[tuple[str, Match]]]) -> None:

@@ -60,7 +60,8 @@ _NEUTRAL = frozenset("""measured meas measurement actual act ist current gemesse
     filtered filt gefiltert smoothed smooth corrected korrigiert calibrated kalibriert tared
     tariert zeroed compensated kompensiert signals values data line tensile""".split())
 #: In the name of a strain: positive when longer, as testing machines write it.
-LONGER = re.compile('exten|elong|tensile', re.IGNORECASE)
+_LONGER = re.compile(r'\b(exten|extensions?|elong|elongations?|tensile(?! (test|machine)))\b')
+_SHORTER = re.compile('contract|short|kontrakt|verkuerz|\u53ce\u7e2e|\u6536\u7f29')
 #: A column with one of these words is used only if there is none without.
 _LESSER = frozenset("""raw roh filtered filt gefiltert smoothed smooth avg average mean
     mittelwert line""".split())
@@ -126,6 +127,19 @@ def words_of(name: str) -> list[str]:
     for umlaut, spelt in (('\u00e4', 'ae'), ('\u00f6', 'oe'), ('\u00fc', 'ue')):
         text = text.replace(umlaut, spelt)
     return re.findall(r'mu\d+|[^\W\d_]+|\d+', text)
+
+
+def is_longer(name: str) -> bool:
+    """
+    Return whether the name of a strain says that it is positive when longer.
+
+    Examples
+    --------
+    >>> [is_longer(name) for name in ('Tensile strain', 'Contraction strain (tensile tester)')]
+    [True, False]
+    """
+    words = ' '.join(words_of(name))
+    return bool(_LONGER.search(words)) and not _SHORTER.search(words)
 
 
 @lru_cache(maxsize=4096)

@@ -8,7 +8,7 @@ from itertools import takewhile
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import is_number, is_statistic
+from fam_bundle_ros.data.cell_text import begins_with_date, CLOCK, is_number, is_statistic
 from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table, without_count
@@ -40,6 +40,8 @@ def settings(table: Table, words: np.ndarray) -> np.ndarray:
     """
     Return the rows above a next block that hold a setting, (T,) bool: 'Pressure', '3.0', 'bar'.
 
+    Above the header again, these are all the rows that begin with a word.
+
     Parameters
     ----------
     table : Table
@@ -48,8 +50,18 @@ def settings(table: Table, words: np.ndarray) -> np.ndarray:
     """
     found = np.zeros(len(words), bool)
     for at in np.flatnonzero(words).tolist():
-        found[at] = _is_setting([cell for cell in _cells(table, at) if cell])
+        cells = [cell for cell in _cells(table, at) if cell]
+        found[at] = _is_setting(cells)
+        if len(cells) > 1 and not _other_words(table, at):
+            above = takewhile(lambda row: _begins_with_word(table, row), range(at, -1, -1))
+            found[list(above)] = True
     return found
+
+
+def _begins_with_word(table: Table, at: int) -> bool:
+    first = next(filter(None, _cells(table, at)), '')
+    return not (is_number(first) or CLOCK.fullmatch(first)
+                                or begins_with_date(first))
 
 
 def refuse_another_header(table: Table, words: np.ndarray) -> None:

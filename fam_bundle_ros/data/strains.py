@@ -63,7 +63,8 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
     if key == 'shift' and in_lengths and abs(np.nanmax(ratio, initial=0.0) - 1.0) < _AT_REST:
         key, choice.why = 'length', 'a length: its largest is the rest length'
     if key == 'length':
-        return 1.0 - ratio, notes + _length_notes(table.name, ratio, rest, rows)
+        choice.is_length = True
+        return 1.0 - ratio, notes + _length_notes(table.name, choice, ratio, rest, rows)
     if key == 'shift':
         notes += _set_sign(choice, ratio, pressure, values['force'])
         ratio = ratio * choice.sign
@@ -72,9 +73,13 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
 
 
 def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLength) -> None:
-    """Raise InputError where the muscle is stretched, by more than 5 %, and never shorter."""
+    """
+    Raise InputError where the muscle is stretched, by more than 5 %, and never shorter.
+
+    Lengths have no sign that may be wrong: `strain_of` gives a note on them.
+    """
     known = strain[np.isfinite(strain)]
-    if not len(known) or known.min() > -_STRETCHED or known.max() > _SHORTER:
+    if choice.is_length or not len(known) or known.min() > -_STRETCHED or known.max() > _SHORTER:
         return
     names = ['contraction', 'elongation'][::choice.sign]
     size = f'{-known.min():.4g}'
@@ -87,7 +92,8 @@ def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLe
         f'moves its zero, --columns "{names[0]}={choice.header}" takes it as it is')
 
 
-def _length_notes(name: str, share: np.ndarray, rest: RestLength, rows: np.ndarray) -> list[str]:
+def _length_notes(name: str, choice: Choice, share: np.ndarray, rest: RestLength,
+                  rows: np.ndarray) -> list[str]:
     """Return notes on lengths as shares of the rest length; refuse those of another muscle."""
     longest = float(np.nanmax(share)) if np.isfinite(share).any() else 1.0
     if not 0.5 < longest < 1.2:
@@ -99,8 +105,13 @@ def _length_notes(name: str, share: np.ndarray, rest: RestLength, rows: np.ndarr
             f'(--rest-length, rest_length, or its model){says}')
     if longest < 0.9:
         return [f'never longer than {longest:.2f} of the rest length']
-    if longest > 1.1:
-        return [f'up to {longest:.2f} of the rest length: expected the length without fittings']
+    if longest > 1.0 + _STRETCHED:
+        size = f'{longest - 1.0:.4g}'
+        if rest.used and choice.unit is not None and choice.unit.like == 'm':
+            size = f'{1e3 * rest.used * (longest - 1.0):.4g} mm'
+        return [f"by '{choice.header}' the muscle is stretched, up to {longest:.2f} of the rest "
+                'length: expected the length without fittings; --columns '
+                f'"length={choice.header} - {size}" takes them off']
     return []
 
 

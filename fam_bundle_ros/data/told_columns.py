@@ -48,6 +48,8 @@ class Choice:
         What header and unit say of a pressure.
     why : str
         Where it comes from, in words.
+    is_length : bool
+        Its readings are lengths, not changes of one: known once the strain is.
     """
 
     header: str | None
@@ -57,6 +59,7 @@ class Choice:
     value: float = 0.0
     absolute: bool | None = None
     why: str = ''
+    is_length: bool = False
 
 
 def with_sums(table: Table, told: Mapping[str, str]) -> Table:

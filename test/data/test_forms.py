@@ -371,6 +371,19 @@ def test_a_header_further_down_must_be_the_same(log, tmp_path, head, units):
     assert (units or head).replace(',', ', ') in str(caught.value)
 
 
+@pytest.mark.parametrize('speed', ['Speed,10,mm/min', 'Speed,10', 'Date,03.02.2025,10:00'])
+def test_all_rows_above_the_header_again_are_its_head(log, tmp_path, speed):
+    """Blocks of a testing machine tell their settings; a word in the last sample is still one."""
+    rows = cells(log)
+    head = [line.split(',') for line in ('Specimen 2', speed, HEAD)]
+    (tmp_path / 'a.csv').write_text(text([HEAD], [*rows[:120], *head, *rows[120:]]))
+    same(read_measurement(tmp_path / 'a.csv', rest_length=REST), log)
+    rows[119][3] = 'err'
+    (tmp_path / 'a.csv').write_text(text([HEAD], [*rows[:120], *head, *rows[120:]]))
+    with pytest.raises(InputError, match="row 121: .* is 'err'"):
+        read_measurement(tmp_path / 'a.csv', rest_length=REST)
+
+
 @pytest.mark.parametrize('label', ['Run 2', HEAD])
 def test_a_short_last_run_below_its_name_is_no_footer(log, tmp_path, label):
     """Runs with their name or header above each restart the clock: all of them are read."""

@@ -177,3 +177,25 @@ def test_a_length_may_be_a_ratio_to_that_at_rest(log, header):
     scale = 100.0 if '%' in header else 1.0
     data = read_measurement(table(log, strain=(header, scale * (1.0 - log[1]))))
     assert np.allclose(data.strain, log[1])
+
+
+@pytest.mark.parametrize('header', [
+    'contraction strain (extensometer)', 'Contraction strain (tensile tester)',
+    'Strain (tensile tester)', 'Kontraktion, strain (extension)'])
+def test_a_strain_of_contraction_is_positive_when_shorter(log, header):
+    """Whatever measured it; also where it begins stretched."""
+    data = table(log, strain=(f'{header} [%]', 100.0 * (log[1] - 0.03)))
+    assert np.allclose(read_measurement(data).strain, log[1] - 0.03)
+
+
+@pytest.mark.parametrize(('header', 'fittings'), [
+    ('length [mm]', 30.0), ('plate distance [mm]', 42.0), ('length incl. fittings [mm]', 18.0)])
+def test_a_length_beyond_the_rest_length_is_read_and_the_fittings_offered(log, header, fittings):
+    """Its sign is known: nothing is turned round, and the note's command is read as it says."""
+    data = table(log, strain=(header, 250 * (1 - 0.3 * log[1]) + fittings))
+    read = read_measurement(data, rest_length=0.25)
+    assert np.allclose(read.strain, 0.3 * log[1] - fittings / 250)
+    told = f'length={header} - {fittings:.0f} mm'
+    assert any(f'--columns "{told}"' in note for note in read.notes)
+    read = read_measurement(data, rest_length=0.25, columns=dict([told.split('=')]))
+    assert np.allclose(read.strain, 0.3 * log[1])

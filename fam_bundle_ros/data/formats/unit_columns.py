@@ -90,8 +90,9 @@ def _pairs(table: Table, left: Mapping[str, str], right: Mapping[str, str]) -> d
     pairs = dict(right if swapped else left)
     for beside in both:  # 'Force unit'
         name = [word for word in words_of(beside) if word not in NAMES and not word.isdigit()]
-        pairs |= {beside: header for header in (right.get(beside), left.get(beside))
-                  if header and name and name == words_of(name_of(header))}
+        for header in filter(None, (right.get(beside), left.get(beside))):
+            if name and name == words_of(name_of(header)):
+                pairs[beside] = header
     return pairs
 
 
