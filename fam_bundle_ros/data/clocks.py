@@ -11,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.column_names import dimension_of
-from fam_bundle_ros.data.formats.channels import nearest
+from fam_bundle_ros.data.formats.channels import may_be_clocks, nearest
 from fam_bundle_ros.data.formats.heads import rate_in
 from fam_bundle_ros.data.formats.table import Table, without_count
+from fam_bundle_ros.data.missing_units import time_unit
+from fam_bundle_ros.data.unit_names import unit_of
 from fam_bundle_ros.errors import about, InputError
 
 #: Share of the slowest channel's readings that are in rows with all channels, if of one clock.
@@ -83,6 +85,44 @@ def told_clock(table: Table, several: Sequence[str]) -> dict[str, str]:
         return {}
     unit = table.unit_text(several[0])
     return {'time': f'{several[0]} [{unit}]' if unit else several[0]}
+
+
+def of_two_zeros(table: Table) -> list[str]:
+    """
+    Return columns of one clock with two zeros, that of the smallest readings first; [] for none.
+
+    One counts since 1970, say, and one since the start: in all rows they differ by one constant,
+    which is longer than the log. Of two that began apart within it each may be a device's own.
+
+    Examples
+    --------
+    >>> time = 0.5 * np.arange(4)
+    >>> of_two_zeros(Table('log', '', {'Timestamp': 1.7e12 + 1e3 * time, 'Time': time}))
+    ['Time', 'Timestamp']
+    >>> of_two_zeros(Table('log', '', {'Time A (s)': time, 'Time B (s)': time + 1.0}))
+    []
+    """
+    score = {header: table.meaning(header).score for header in may_be_clocks(table)
+             if table.meaning(header).quantity == 'time'}
+    best = [header for header in score if score[header] == max(score.values())]
+    try:
+        times = {header: _in_seconds(table, header) for header in best}
+    except InputError:  # of an unknown unit
+        return []
+    for header, time in times.items():
+        apart = time - times[best[0]]
+        steps = np.abs(np.diff(time))
+        if header != best[0] and not (np.ptp(apart) <= np.median(steps) and np.abs(
+                apart).min() > np.ptp(time)):
+            return []
+    return sorted(best, key=lambda header: np.abs(times[header]).max()) if len(best) > 1 else []
+
+
+def _in_seconds(table: Table, header: str) -> np.ndarray:
+    """Return the readings of a clock in s, its unit guessed where it has none."""
+    column = table.columns[header]
+    unit = unit_of(table.unit_text(header) or '', 's') or time_unit(table.name, header, column)[0]
+    return column * unit.factor
 
 
 def own_clocks(table: Table, clock: str, several: Sequence[str], headers: Mapping[str, str],

@@ -55,7 +55,9 @@ class _Reader:
         """Return the measurement."""
         table, recipe, chosen = self.table, self.recipe, self.choices.chosen
         several = clocks_in(table)
-        self.choices.make({**clocks.told_clock(table, several), **recipe.columns})
+        zeros = [] if several or 'time' in recipe.columns else clocks.of_two_zeros(table)
+        self.choices.make({**clocks.told_clock(table, several or zeros), **recipe.columns})
+        self.choices.refused.update(dict.fromkeys(zeros[1:], 'the same clock with another zero'))
         if several and 'time' in recipe.columns and 'time' in chosen and not (
                 chosen['time'].offset):
             self.notes.append(f"{' and '.join(map(repr, several))} differ: the time is that which "

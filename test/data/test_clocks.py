@@ -533,3 +533,16 @@ def test_topics_with_and_without_stamps_are_read_when_they_were_received(first, 
     assert np.allclose(data.force, force(TIME, muscle))
     assert np.allclose(data.strain, strain(TIME))
     assert "'/cell/wrench' has stamps and '/pam/pressure_kPa' has none" in ' '.join(data.notes)
+
+
+@pytest.mark.parametrize('names', [('Timestamp', 'Time'), ('Time', 'Timestamp')])
+def test_of_one_clock_with_two_zeros_one_is_taken(names, muscle):
+    """Milliseconds since 1970 beside seconds since the start."""
+    columns = {'Timestamp': np.round(1.7e12 + 1e3 * TIME), 'Time': TIME}
+    log = {**{name: columns[name] for name in names}, 'strain': strain(TIME),
+           'p [kPa]': pressure(TIME), 'F [N]': force(TIME, muscle)}
+    data = read_measurement(log)
+    assert np.allclose(data.time, TIME)
+    assert "'Timestamp' (the same clock with another zero)" in taken_words(data)
+    with pytest.raises(InputError, match='both may be time'):
+        read_measurement({**log, 'Timestamp': 1.7e12 + 1010.0 * TIME})
