@@ -117,7 +117,8 @@ def clipped(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> np.nda
     Return the rows, (T,) bool, in which the force is at the end of the range of its sensor.
 
     It is the same largest force at several visits and several strains, in far more rows than any
-    other force is: of a coarse converter, or of levels that are held, all forces repeat.
+    other force is: of a coarse converter, or of levels that are held, all forces repeat. A force
+    in most rows is one that is held.
 
     Parameters
     ----------
@@ -137,7 +138,9 @@ def clipped(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> np.nda
     between = (force > force.min()) & (force < force.max())  # a slack muscle may show one force
     often = np.unique(force[between], return_counts=True)[1].max(initial=1)
     moved = np.ptp(strain[at]) > _HELD
-    return at if visits > 1 and moved and at.sum() > _FAR_MORE * often else np.zeros_like(at)
+    held = 2 * at.sum() > len(at)
+    found = visits > 1 and moved and not held and at.sum() > _FAR_MORE * often
+    return at if found else np.zeros_like(at)
 
 
 def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force: np.ndarray,

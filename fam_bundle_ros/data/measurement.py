@@ -348,27 +348,31 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     if strain_rate is not None:
         named['strain_rate'] = np.asarray(strain_rate, float)
     keep, dropped, first = _complete(named, rows, None if trial is None else np.asarray(trial))
+    notes = list(notes)
+    codes = ''.join(f'; {note}' for note in notes if note.endswith('taken as no reading'))
     if keep.sum() < MIN_ROWS:
         label, row = next(iter(first.items()), ('', 0))
         words = f', row {row}: {label} is not a finite number' if label else ''
         raise InputError(f'{name}{words}: only {int(keep.sum())} rows; expected at least '
-                         f'{MIN_ROWS} with a number in every column')
+                         f'{MIN_ROWS} with a number in every column{codes}')
     if not keep.all():
         rows, named = rows[keep], {label: values[keep] for label, values in named.items()}
         trial = None if trial is None else np.asarray(trial)[keep]
     lost = {f'{_WITHOUT} {label}': (row, '') for label, row in first.items()}
     limits = checks.ranges(max_pressure, max_strain)
-    for label, values in named.items():
-        quantity = label.partition('.')[0]
-        if quantity in limits:
-            checks.check_range(name, label, values, rows, (units or {}).get(label), quantity,
-                               limits[quantity])
-    checks.check_pressure_units(name, {label: named[label] for label in labels}, units or {},
-                                limits['pressure'])
+    try:
+        for label, values in named.items():
+            quantity = label.partition('.')[0]
+            if quantity in limits:
+                checks.check_range(name, label, values, rows, (units or {}).get(label), quantity,
+                                   limits[quantity])
+        checks.check_pressure_units(name, {label: named[label] for label in labels}, units or {},
+                                    limits['pressure'])
+    except InputError as error:
+        raise InputError(f'{error}{codes}') from error
     trials = checks.trials_of(name, trial, named.get('time'), rows)
     if trials.order is not None:
         named = {label: values[trials.order] for label, values in named.items()}
-    notes = list(notes)
     strain, force = named['strain'], named['force']
     pressure = np.stack([named[label] for label in labels], -1)
     if trial is None and trials.order is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fam_bundle_ros.data.cells import is_text, numbers
 from fam_bundle_ros.data.checks import ranges
-from fam_bundle_ros.data.column_names import STRAINS, unit_for
+from fam_bundle_ros.data.column_names import is_longer, STRAINS, unit_for
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
@@ -129,9 +129,12 @@ def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
         meant, text = table.meaning(header).quantity, table.unit_text(header)
         alike = family(meant) == key
         told = shown(meant) if alike else key
+        values = numbers(column)[0]
+        values = values[np.isfinite(values)]
+        if key == 'strain' and meant not in ('contraction', 'length') and (
+                is_longer(header) or len(values) and values.max() <= 0.0 > values.min()):
+            told = 'elongation'
         if text is None:
-            values = numbers(column)[0]
-            values = values[np.isfinite(values)]
             counts = not alike and (values % 1.0 == 0.0).all()
             told = told.replace('strain', 'contraction') if counts else told
             unit = _EXAMPLES.get(told, 'mm')
@@ -142,6 +145,8 @@ def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
                     <= high)):
                 continue  # of another quantity
             example = f'{told}={name_of(header)} ' + (f'* 0.5 {unit}' if counts else f'[{unit}]')
+            if meant == 'strain' and np.abs(values).max(initial=0.0) < 1.0:
+                example = f'{told}={header}'  # a ratio
             without.insert(0 if alike else len(without), example)
         elif unit_for(key, text):
             fitting.insert(0 if alike else len(fitting), f'{told}={header}')

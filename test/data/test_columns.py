@@ -212,6 +212,21 @@ def test_an_example_keeps_the_unit_of_the_column(log, key, header, told):
     assert told in str(caught.value)
 
 
+@pytest.mark.parametrize(('header', 'size', 'told'), [
+    ('engineering strain', -1.0, 'elongation=engineering strain'),
+    ('engineering strain', 1.0, 'strain=engineering strain'),
+    ('elongation at constant pressure [mm]', -250.0,
+     'elongation=elongation at constant pressure [mm]')])
+def test_an_example_of_a_strain_has_its_sign_and_size(log, header, size, told):
+    """One that is never positive is an elongation; what is below 1 is no percentage."""
+    data = table(log, strain=(header, size * log[1]))
+    with pytest.raises(InputError) as caught:
+        read_measurement(data)
+    assert f'--columns "{told}"' in str(caught.value)
+    read = read_measurement(data, columns=dict([told.split('=')]), rest_length=0.25)
+    assert np.allclose(read.strain, log[1])
+
+
 @pytest.mark.parametrize('header', ['column 4', 'zero offset', 'force raw'])
 def test_no_column_of_another_quantity_is_an_example(log, header):
     """One that is too large for a strain, one that is ruled out, and one that may be a force."""

@@ -67,8 +67,10 @@ def test_a_force_beyond_the_range_of_its_sensor_is_said(noisy, sign):
 @pytest.mark.parametrize('make', [
     lambda strain: (10.0 * np.round(20.0 * (0.2 - strain)), strain),
     lambda strain: (100.0 * np.clip(1.5 - strain / 0.1, 0.0, 1.0), np.clip(strain, 0.05, 0.2)),
-    lambda strain: (np.repeat([20.0, 100.0, 20.0, 100.0], 60), strain)],
-    ids=['a coarse cell', 'a muscle that is held twice', 'two weights that hang in turn'])
+    lambda strain: (np.repeat([20.0, 100.0, 20.0, 100.0], 60), strain),
+    lambda strain: (np.tile(np.repeat([20.0, 60.0, 100.0], [5, 5, 30]), 6), strain)],
+    ids=['a coarse cell', 'a muscle that is held twice', 'two weights that hang in turn',
+         'a force that is held in most rows'])
 def test_a_largest_force_that_comes_back_may_be_right(log, make):
     """Other forces repeat as often, or the strain does not change, or it is that of a trial."""
     force, strain = make(log[1])

@@ -452,6 +452,14 @@ def test_nines_for_no_reading_are_blank_cells(log, tmp_path, column, code):
     assert any(f'hold {float(code):.9g}: taken as no reading' in note for note in data.notes)
 
 
+def test_an_error_names_the_code_that_was_taken_as_no_reading(log):
+    """It may have been a level."""
+    pressure = np.where(np.arange(ROWS) < 60, 99.9, 0.1 + 0.1 * (np.arange(ROWS) % 2))
+    with pytest.raises(InputError, match=r'only 0.2 kPa.* 60 cells of .* hold 99.9: taken'):
+        read_measurement({'t [s]': log['time'], 'eps': log['strain'], 'p [kPa]': pressure,
+                          'F [N]': log['force']})
+
+
 def test_a_code_below_zero_is_found_among_forces_that_are_wide(log):
     """Forces of -60 to 1300 N reach farther than -999 is away, but never skip so far."""
     force = np.linspace(-60.0, 1300.0, ROWS)
