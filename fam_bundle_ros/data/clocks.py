@@ -22,6 +22,8 @@ from fam_bundle_ros.errors import about, InputError
 _TOGETHER = 0.5
 #: Largest difference between the steps of an even clock, as a share of a step.
 _EVEN = 0.05
+#: Difference of two clocks that is no drift, as a share of the time.
+_DRIFT = 0.01
 #: Values at which counters wrap, and how far the step across the wrap may be from the usual
 #: step, as a share of it.
 _COUNTERS = 2.0 ** 16, *(2.0 ** 32 / count for count in (1, 1e3, 1e6)), 86400.0, 864e5
@@ -123,6 +125,33 @@ def _in_seconds(table: Table, header: str) -> np.ndarray:
     column = table.columns[header]
     unit = unit_of(table.unit_text(header) or '', 's') or time_unit(table.name, header, column)[0]
     return column * unit.factor
+
+
+def other_times(table: Table, clock: str, time: np.ndarray) -> str:
+    """
+    Return a note on a column whose times differ from those of the clock, '' for none.
+
+    Parameters
+    ----------
+    table : Table
+    clock : str
+        Header of the time.
+    time : ndarray, shape (T,), s
+        The time of all columns.
+    """
+    for header in may_be_clocks(table):
+        if header == clock or clock not in table.columns:
+            continue
+        try:
+            others, own = np.diff(_in_seconds(table, header)), np.diff(time)
+        except InputError:  # of an unknown unit
+            continue
+        on = (others > 0.0) & (own > 0.0)  # one may run on where the other restarts
+        if on.sum() > 2 and np.ptp(np.cumsum((others - own)[on])) > max(
+                np.median(own[on]), _DRIFT * own[on].sum()):
+            return (f"'{clock}' and '{header}' show other times: '{clock}' is taken for all "
+                    f'columns. If they are clocks of two devices, call them Time 1 and Time 2')
+    return ''
 
 
 def own_clocks(table: Table, clock: str, several: Sequence[str], headers: Mapping[str, str],

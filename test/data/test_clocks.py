@@ -546,3 +546,13 @@ def test_of_one_clock_with_two_zeros_one_is_taken(names, muscle):
     assert "'Timestamp' (the same clock with another zero)" in taken_words(data)
     with pytest.raises(InputError, match='both may be time'):
         read_measurement({**log, 'Timestamp': 1.7e12 + 1010.0 * TIME})
+
+
+@pytest.mark.parametrize(('rate', 'said'), [(0.7, True), (1.0, False), (1.0005, False)])
+def test_times_of_a_column_that_differ_from_the_clock_are_told(rate, said, muscle):
+    """It may be the clock of the force; a constant and a drift are no difference."""
+    data = read_measurement({
+        'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+        'pump run time [ms]': 1e5 + 1e3 * rate * TIME, 'F [N]': force(TIME, muscle)})
+    assert np.allclose(data.time, TIME)
+    assert ("'time [s]' and 'pump run time [ms]' show other times" in ' '.join(data.notes)) == said
