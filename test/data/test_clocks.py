@@ -233,11 +233,23 @@ def test_a_column_that_rises_is_no_clock_where_the_last_row_is_cut(clock, beside
     assert np.allclose(data.pressure[:, 0] / 1e3, pressure(TIME[:-1]))
 
 
+@pytest.mark.parametrize('cut', [1, 15])
+def test_another_time_in_a_table_that_is_cut_is_no_clock(cut, muscle):
+    """The last rows lack the columns on the right; the message names both times."""
+    whole = TIME[:-cut]
+    data = read_measurement({
+        'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
+        'pump run time [s]': padded(0.7 * whole), 'F [N]': padded(force(whole, muscle))})
+    assert len(data) == len(whole)
+    assert np.allclose(data.force, force(whole, muscle))
+    assert "'time [s]' and 'pump run time [s]' show other times" in ' '.join(data.notes)
+
+
 def test_a_time_that_is_told_is_that_of_all_columns():
     """Also where it is one of the clocks that were found; the message names both."""
     data = read_measurement({
         'time [s]': TIME, 'strain': strain(TIME), 'p [kPa]': pressure(TIME),
-        'pump time [s]': padded(0.9 * TIME[:-1]), 'F [N]': padded(20.0 + TIME[:-1])},
+        'pump time [s]': padded(0.95 * TIME[:-1]), 'F [N]': padded(20.0 + TIME[:-1])},
         columns={'time': 'time [s]'})
     assert np.allclose(data.force, 20.0 + TIME[:-1])
     assert "'time [s]' and 'pump time [s]' differ" in ' '.join(data.notes)

@@ -17,6 +17,9 @@ from fam_bundle_ros.data.unit_names import unit_of
 #: Largest share of the steps of a clock that go back, where it restarts with each trial.
 _ANEW = 0.05
 
+#: Share of the rows that a cut table may lack, and half that by which its times differ.
+_FEW = 0.05
+
 
 class Series(NamedTuple):
     """A channel with its times."""
@@ -55,7 +58,23 @@ def clocks_in(table: Table) -> list[str]:
               if one in headers and right not in headers]
     several = len({filled[clock] for clock in clocks}) > 1 and all(
         filled[header] <= filled[clock] for header, clock in nearest(order, clocks).items())
-    return clocks if several else []
+    return clocks if several and not _cut(table, clocks) else []
+
+
+def _cut(table: Table, clocks: list[str]) -> bool:
+    """
+    Return whether a table of one clock is cut: its last rows lack the columns on the right.
+
+    Two devices that record as many rows but for a few do so for as long; a column of the time
+    that a pump has run, say, covers less than the clock.
+    """
+    known = [column[np.isfinite(column)] for column in (table.columns[each] for each in clocks)]
+    counts = np.array([len(times) for times in known])
+    units = [unit_of(table.unit_text(header) or '', 's') for header in clocks]
+    spans = np.array([np.ptp(times) * (unit.factor if unit else 1.0)
+                      for times, unit in zip(known, units)])
+    return bool(np.ptp(counts) <= _FEW * counts.max() and np.ptp(spans) > 2 * _FEW * spans.max()
+                ) and any(table.meaning(header).quantity == 'time' for header in clocks)
 
 
 def may_be_clocks(table: Table) -> list[str]:
