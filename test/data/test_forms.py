@@ -156,6 +156,39 @@ def test_a_json_line_of_settings_tells_the_rest_length_and_is_no_sample(log, tmp
         read_measurement(tmp_path / 'a.jsonl')
 
 
+@pytest.mark.parametrize(('size', 'kind'), [(10, 'lists'), (40, 'lists'), (10, 'one time'),
+                                            (10, 'records')])
+def test_packets_of_several_samples_are_read_one_by_one(log, tmp_path, size, kind):
+    """Lists of equal length in a record are no sensors whose forces add up."""
+    names = {'time': 't', 'strain': 'strain', 'pressure': 'p_Pa', 'force': 'F_N'}
+    lines = []
+    for begin in range(0, ROWS, size):
+        packet = {'id': begin, **{names[key]: log[key][begin:begin + size].tolist()
+                                  for key in names}}
+        if kind != 'lists':
+            packet['t'] = packet['t'][0]
+        if kind == 'records':
+            lists = {key: packet.pop(key) for key in ('strain', 'p_Pa', 'F_N')}
+            packet['samples'] = [dict(zip(lists, cells)) for cells in zip(*lists.values())]
+        lines.append(json.dumps(packet))
+    (tmp_path / 'a.jsonl').write_text('\n'.join(lines))
+    read = read_measurement(tmp_path / 'a.jsonl')
+    assert np.allclose([read.strain, read.pressure[:, 0], read.force],
+                       [log['strain'], log['pressure'], log['force']])
+    assert np.allclose(np.diff(read.time), np.diff(log['time']))
+
+
+def test_lists_of_sensors_in_a_record_are_one_sample(log, tmp_path):
+    """Two pressures and two load cells: the forces are asked for, or their sum."""
+    lines = [json.dumps({'t': t, 'strain': e, 'pressure_Pa': [p, p / 2],
+                         'force_N': [f / 2, f / 2], 'valves': [{'open': 1}, {'open': 0}]})
+             for t, e, p, f in zip(*(log[key].tolist() for key in (
+                 'time', 'strain', 'pressure', 'force')))]
+    (tmp_path / 'a.jsonl').write_text('\n'.join(lines))
+    with pytest.raises(InputError, match=r'their sum, "force=force_N.0 \+ force_N.1"'):
+        read_measurement(tmp_path / 'a.jsonl')
+
+
 def test_json_that_nests_without_end_fails(tmp_path):
     """Brackets nested 100000 deep are refused."""
     path = tmp_path / 'deep.json'

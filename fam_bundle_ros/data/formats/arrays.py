@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.column_names import recognise
+from fam_bundle_ros.data.column_names import recognise, STRAINS
 from fam_bundle_ros.data.formats.channels import as_columns, clocks_in, filled_up, Series
 from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import InputError
@@ -98,7 +98,7 @@ def _of_records(records: list[dict[str, Any]], name: str, kind: str) -> Table:
     pandas = library('pandas', f'{name}: reading it')
     frame = pandas.json_normalize([{
         key: dict(enumerate(value)) if isinstance(value, list) and len(value) <= _ARRAY else value
-        for key, value in record.items()} for record in records])
+        for key, value in record.items()} for record in _samples(records)])
     filled = frame.notna().to_numpy()
     readings = (filled.sum(axis=0) > 1) & np.array(
         [kind.kind in 'iuf' for kind in frame.dtypes], bool)
@@ -111,6 +111,34 @@ def _of_records(records: list[dict[str, Any]], name: str, kind: str) -> Table:
         f'{key} = {cell}' for key, cell in told.items()), units={
             header: str(cell) for key, cell in told.items() for header in table.columns
             if _is_unit_of(key, header)})
+
+
+def _samples(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """
+    Return records with one sample each; a packet of several holds lists of equal length.
+
+    They tell force, pressure and strain, or the time of some; or one list of records does.
+    What else it holds is that of all its samples. Other lists are one sample of several sensors.
+
+    Examples
+    --------
+    >>> _samples([{'id': 7, 't': [0, 1], 'force': [5, 6]}])
+    [{'id': 7, 't': 0, 'force': 5}, {'id': 7, 't': 1, 'force': 6}]
+    """
+    found: list[dict[str, Any]] = []
+    for record in records:
+        lists = {key: value for key, value in record.items() if isinstance(value, list) and value}
+        samples = [dict(zip(lists, cells)) for cells in zip(*lists.values())]
+        if len(lists) == 1 and all(isinstance(sample, dict) for sample in [*lists.values()][0]):
+            samples = [*lists.values()][0]
+        known = {recognise(key).quantity for key in samples[0]} if samples else set()
+        told = 'time' in known or known >= {'force', 'pressure'} and known & {*STRAINS}
+        if told and len(samples[0]) > 1 and len({*map(len, lists.values())}) == 1:
+            whole = {key: value for key, value in record.items() if key not in lists}
+            found += [{**whole, **sample} for sample in samples]
+        else:
+            found.append(record)
+    return found
 
 
 def flattened(values: Mapping[str, Any], clock: str = 'time') -> dict[str, Any]:
