@@ -122,7 +122,8 @@ def _stamped(reader: Any, connections: list[Any]) -> tuple[bool, str]:
     Stamps of one topic and the times at which another was received may be of two clocks, and
     differ by the delay of the messages.
     """
-    with_stamp, without = [], []
+    with_stamp: list[str] = []
+    without: list[str] = []
     for connection in connections:
         for _, _, raw in reader.messages(connections=[connection]):
             message = reader.deserialize(raw, connection.msgtype)

@@ -248,8 +248,8 @@ class _Reader:
             values, lambda header: time if header == choice.header else self._seconds(
                 choice, header, known))
         if found is None:
-            self.notes += filter(None, ['time' not in self.recipe.columns and clocks.other_times(
-                self.table, choice.header, time)])
+            if 'time' not in self.recipe.columns:
+                self.notes += filter(None, [clocks.other_times(self.table, choice.header, time)])
             return values, time, rows
         self.notes.append(found.note)
         for key, clock in found.clocks.items():

@@ -106,12 +106,12 @@ def _length_notes(name: str, choice: Choice, share: np.ndarray, rest: RestLength
     if longest < 0.9:
         return [f'never longer than {longest:.2f} of the rest length']
     if longest > 1.0 + _STRETCHED:
-        size = f'{longest - 1.0:.4g}'
+        off = f'{longest - 1.0:.4g}'
         if rest.used and choice.unit is not None and choice.unit.like == 'm':
-            size = f'{1e3 * rest.used * (longest - 1.0):.4g} mm'
+            off = f'{1e3 * rest.used * (longest - 1.0):.4g} mm'
         return [f"by '{choice.header}' the muscle is stretched, up to {longest:.2f} of the rest "
                 'length: expected the length without fittings; --columns '
-                f'"length={choice.header} - {size}" takes them off']
+                f'"length={choice.header} - {off}" takes them off']
     return []
 
 
