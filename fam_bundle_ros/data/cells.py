@@ -54,8 +54,6 @@ def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 #: Overflow and "not a number" of SCPI (IEEE 488.2 instruments).
 _SCPI = (9.9e37, 9.91e37)
-#: A positive number in more than this share of the rows, and in more rows, is a level.
-_LEVEL, _LEVEL_ROWS = 0.25, 9
 
 
 def no_reading(values: np.ndarray) -> float | None:
@@ -64,7 +62,7 @@ def no_reading(values: np.ndarray) -> float | None:
 
     Such a code consists of nines. It is farther from every reading than the readings are from each
     other (for a negative code: than neighbouring readings are). A code that occurs once must be
-    ten times as far. A positive number that is held in many rows is a level, and no code.
+    ten times as far. A positive number in half of the rows or more is a level, and no code.
 
     Examples
     --------
@@ -84,7 +82,7 @@ def no_reading(values: np.ndarray) -> float | None:
             continue
         apart = np.diff(others).max() if code < 0.0 else np.ptp(others)
         count = len(finite) - len(others)
-        if code > 0.0 and count > max(_LEVEL_ROWS, _LEVEL * len(finite)):
+        if code > 0.0 and count >= len(others):
             continue
         if count == 1:
             apart = 10.0 * np.ptp(others)

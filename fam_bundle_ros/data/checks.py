@@ -26,8 +26,8 @@ _PACKET = 0.1
 _PAUSE = 5.0
 #: Times that go back by at most so many usual steps: the rows were written out of order.
 _SWAPPED = 3.0
-#: A smaller share of the rows outside a range is no wrong unit.
-_FEW = 0.05
+#: A smaller share of the rows does not decide on a unit; as in `missing_units.guess_unit`.
+_FEW = 0.01
 #: Variance inflation beyond which a column follows another one (the usual rule is 5 to 10).
 _INFLATION = 5.0
 

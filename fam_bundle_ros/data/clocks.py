@@ -22,8 +22,8 @@ from fam_bundle_ros.errors import about, InputError
 _TOGETHER = 0.5
 #: Largest difference between the steps of an even clock, as a share of a step.
 _EVEN = 0.05
-#: Difference of two clocks that is no drift, as a share of the time.
-_DRIFT = 0.01
+#: Tolerance of a quartz clock, as a share of the time.
+_QUARTZ = 1e-4
 #: Values at which counters wrap, and how far the step across the wrap may be from the usual
 #: step, as a share of it.
 _COUNTERS = 2.0 ** 16, *(2.0 ** 32 / count for count in (1, 1e3, 1e6)), 86400.0, 864e5
@@ -148,7 +148,7 @@ def other_times(table: Table, clock: str, time: np.ndarray) -> str:
             continue
         on = (others > 0.0) & (own > 0.0)  # one may run on where the other restarts
         if on.sum() > 2 and np.ptp(np.cumsum((others - own)[on])) > max(
-                np.median(own[on]), _DRIFT * own[on].sum()):
+                np.median(own[on]), _QUARTZ * own[on].sum()):
             return (f"'{clock}' and '{header}' show other times: '{clock}' is taken for all "
                     f'columns. If they are clocks of two devices, call them Time 1 and Time 2')
     return ''

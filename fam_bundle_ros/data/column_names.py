@@ -76,7 +76,8 @@ _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref referenc
     temperature temperatur temp voltage volt spannung strom valve ventil derivative noise max min
     limit offset regulator torque moment drehmoment weight gewicht friction reibung diameter
     durchmesser radius radial thickness dicke width breite height hoehe stress modulus vacuum
-    vakuum unterdruck preload vorlast theoretical theo theoretisch estimated estimate""".split())
+    vakuum unterdruck preload vorlast theoretical theo theoretisch estimated estimate pump pumpe
+    compressor kompressor uptime laufzeit betriebszeit""".split())
 _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verkuerzung|'
                      r'kontraktion)$')
 #: Gauge or absolute, in brackets behind the unit: 'Druck in bar (\u00dcberdruck)'.

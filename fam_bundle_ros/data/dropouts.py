@@ -9,13 +9,15 @@ They are reported and not removed: a diagnosis could explain them as an effect.
 from __future__ import annotations
 
 from collections.abc import Mapping
+import math
 
 import numpy as np
 
 from fam_bundle_ros.data.rates import BY_CHANCE, FALSE_ALARM, REST_PRESSURE
 
-#: A force is met on the way up and on the way down: twice as often at a turn as elsewhere.
-_FAR_MORE = 4
+#: Where a smooth force turns, readings in the last step of a converter over those in the step
+#: before: sqrt(1) to sqrt(2) - sqrt(1).
+_TURN = 1.0 / (math.sqrt(2.0) - 1.0)
 #: Range of the strain of a muscle that is held, and moves by a weak frame or noise.
 _HELD = 0.01
 
@@ -116,9 +118,9 @@ def clipped(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> np.nda
     """
     Return the rows, (T,) bool, in which the force is at the end of the range of its sensor.
 
-    It is the same largest force at several visits and several strains, in far more rows than any
-    other force is: of a coarse converter, or of levels that are held, all forces repeat. A force
-    in most rows is one that is held.
+    It is the same largest force at several visits and several strains, in more rows than any other
+    force is, by three standard deviations of the count at a turn of the force: of a coarse
+    converter, or of levels that are held, all forces repeat. A force in most rows is held.
 
     Parameters
     ----------
@@ -139,7 +141,8 @@ def clipped(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> np.nda
     often = np.unique(force[between], return_counts=True)[1].max(initial=1)
     moved = np.ptp(strain[at]) > _HELD
     held = 2 * at.sum() > len(at)
-    found = visits > 1 and moved and not held and at.sum() > _FAR_MORE * often
+    usual = _TURN * often
+    found = visits > 1 and moved and not held and at.sum() > usual + 3.0 * math.sqrt(usual)
     return at if found else np.zeros_like(at)
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 import re
 from typing import Any
@@ -230,9 +231,9 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
     else:
         table = of_frame(source, name or 'frame')
     told = recipe.columns
-    for change in (oldest_first, with_stamps, wide, with_unit_columns, titled, unstacked):
-        changed = (with_unit_columns(table, told.values()) if change is with_unit_columns
-                   else change(table))
+    for change in (oldest_first, with_stamps, wide, partial(
+            with_unit_columns, told=told.values()), titled, unstacked):
+        changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
         asked = any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone
                     for text in told.values())

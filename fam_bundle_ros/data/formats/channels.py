@@ -14,12 +14,6 @@ from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import unit_of
 
-#: Largest share of the steps of a clock that go back, where it restarts with each trial.
-_ANEW = 0.05
-
-#: Share of the rows that a cut table may lack, and half that by which its times differ.
-_FEW = 0.05
-
 
 class Series(NamedTuple):
     """A channel with its times."""
@@ -35,11 +29,12 @@ def clocks_in(table: Table) -> list[str]:
     Return the columns that are clocks of the columns on their right, [] where there is one clock.
 
     They are `may_be_clocks`, are filled to different rows, and no column on their right is filled
-    further.
+    further. A difference of one row is that of a last line that was not written to its end.
 
     Examples
     --------
-    >>> quick, slow, once = np.array([[0, 1, 2, 3], [0, 2, 4, np.nan], [9] + 3 * [np.nan]])
+    >>> gap = [np.nan]
+    >>> quick, slow, once = np.array([[0, 1, 2, 3, 4], [0, 2, 4] + 2 * gap, [9] + 4 * gap])
     >>> clocks_in(Table('log', '', {'row': quick, 'tp': quick, 'T': 0 * quick, 'strain': quick,
     ...                             'tF': slow, 'delay': once, 'F': 0 * slow}))
     ['tp', 'tF']
@@ -56,25 +51,10 @@ def clocks_in(table: Table) -> list[str]:
     order, headers = list(filled), may_be_clocks(table)
     clocks = [one for one, right in zip(order, order[1:])
               if one in headers and right not in headers]
-    several = len({filled[clock] for clock in clocks}) > 1 and all(
+    ends = [filled[clock] for clock in clocks]
+    several = max(ends, default=0) - min(ends, default=0) > 1 and all(
         filled[header] <= filled[clock] for header, clock in nearest(order, clocks).items())
-    return clocks if several and not _cut(table, clocks) else []
-
-
-def _cut(table: Table, clocks: list[str]) -> bool:
-    """
-    Return whether a table of one clock is cut: its last rows lack the columns on the right.
-
-    Two devices that record as many rows but for a few do so for as long; a column of the time
-    that a pump has run, say, covers less than the clock.
-    """
-    known = [column[np.isfinite(column)] for column in (table.columns[each] for each in clocks)]
-    counts = np.array([len(times) for times in known])
-    units = [unit_of(table.unit_text(header) or '', 's') for header in clocks]
-    spans = np.array([np.ptp(times) * (unit.factor if unit else 1.0)
-                      for times, unit in zip(known, units)])
-    return bool(np.ptp(counts) <= _FEW * counts.max() and np.ptp(spans) > 2 * _FEW * spans.max()
-                ) and any(table.meaning(header).quantity == 'time' for header in clocks)
+    return clocks if several else []
 
 
 def may_be_clocks(table: Table) -> list[str]:
@@ -91,7 +71,7 @@ def may_be_clocks(table: Table) -> list[str]:
         if column.dtype.kind == 'f' and 'no reading' not in meant.why and (
                 not unit or unit_of(unit, 's')) and (
                     meant.quantity == 'time' or not meant.quantity and says_time(
-                        header, unit or '')) and rises(column, _ANEW):
+                        header, unit or '')) and rises(column, restarts=True):
             found.append(header)
     return found
 
@@ -125,19 +105,28 @@ def nearest(order: list[str], clocks: list[str]) -> dict[str, str]:
     return found
 
 
-def rises(column: np.ndarray, anew: float = 0.0) -> bool:
+def rises(column: np.ndarray, restarts: bool = False) -> bool:
     """
     Return whether each of three or more readings is above the one before.
 
     Parameters
     ----------
     column : ndarray, shape (T,)
-    anew : float
-        Share of the steps that may go back, as a clock does that restarts with each trial.
+    restarts : bool
+        It may go back, to nearer the start of what it rose through than its end, as a clock does
+        that restarts with each trial.
+
+    Examples
+    --------
+    >>> [rises(np.array(clock), restarts=True) for clock in ([0, 1, 2, 0.1, 1], [0, 1, 2, 1.9, 3])]
+    [True, False]
     """
-    steps = np.diff(column[np.isfinite(column)])
-    back = steps < 0.0
-    return len(steps) > 1 and bool((steps[~back] > 0.0).all()) and back.mean() <= anew
+    known = column[np.isfinite(column)]
+    steps = np.diff(known)
+    back = np.flatnonzero(steps < 0.0)
+    starts = known[[0, *back + 1]] if len(known) else known
+    anew = (starts[1:] - starts[:-1] < known[back] - starts[1:]).all()
+    return len(steps) > 1 and bool((steps != 0.0).all() and (not len(back) or restarts and anew))
 
 
 def filled_up(values: np.ndarray, rows: int) -> np.ndarray:
