@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A log as text, as programs of labs write it: `TEXTS`, function of the log to text or bytes."""
+"""A log, and functions that make of it what programs of labs write as text: `TEXTS`."""
 
 from datetime import datetime, timedelta
 import json
@@ -358,3 +358,21 @@ def lvm(log, clocks, decimal='.', segments=1):
             head.append('\t'.join([f'{t}\t{cell}' for cell in row] if multi
                                   else [t if clocks == 'One' else '', *row]))
     return '\r\n'.join(head) + '\r\n'
+
+
+def the_log(muscle):
+    """Return the log: three sweeps at 100, 250 and 400 kPa, 20 Hz, as SI arrays."""
+    time = 0.05 * np.arange(ROWS)
+    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 6.0)
+    pressure = np.repeat([100e3, 250e3, 400e3], ROWS // 3)
+    force = muscle(strain, pressure) - 3.0 * np.sign(np.gradient(strain))
+    return {'time': time, 'strain': strain, 'pressure': pressure, 'force': np.round(force, 3)}
+
+
+def same(data, log):
+    """Raise where a measurement is not the log."""
+    assert len(data) == ROWS
+    assert np.allclose(data.strain, log['strain'], atol=2e-6)
+    assert np.allclose(data.pressure[:, 0], log['pressure'], rtol=1e-5, atol=1.0)
+    assert np.allclose(data.force, log['force'], rtol=1e-5, atol=2e-3)
+    assert np.allclose(np.diff(data.time), 0.05, atol=1e-6)
