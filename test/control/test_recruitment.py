@@ -13,7 +13,6 @@ from fam_bundle_ros import control
 from fam_bundle_ros.control import (
     Allocator,
     ControllerConfig,
-    Instant,
     LoadModel,
     Measurement,
     OuterConfig,
@@ -21,49 +20,9 @@ from fam_bundle_ros.control import (
     Reference,
     SwitchingConfig,
 )
-from fam_bundle_ros.control.heading import follow_heading, heading_now, heading_of, rest_at
-from fam_bundle_ros.control.recruitment import RecruitmentMachine
-from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.errors import InputError
 
-DT = 5e-3
-#: Feed-forward alone: the demand is the reference.
-OPEN = OuterConfig(feedback=False)
-
-
-class Bench:
-    """A controller whose pressures are there at once, on the model that it inverts."""
-
-    def __init__(self, bundle, strain, noise=0.0, seed=0, **config):
-        self.bundle, self.strain, self.noise = bundle, strain, noise
-        self.controller = RecruitmentController(bundle, ControllerConfig(**config))
-        self.pressure = np.zeros(bundle.n)
-        self._random = np.random.default_rng(seed)
-        self.curves = Allocator(bundle).curves(Instant(strain))
-
-    def update(self, demand, rate=0.0, kind='force', dt=DT):
-        """Return the command of one tick."""
-        force = float(self.bundle.force(self.strain, self.pressure))
-        force += self.noise * self._random.standard_normal()
-        command = self.controller.update(
-            dt, Measurement(force, self.strain, 0.0, self.pressure), Reference(kind, demand, rate))
-        self.pressure = command.pressure
-        return command
-
-    def ramp(self, start, end, rate):
-        """Return the commands of a ramp."""
-        count = max(int(abs(end - start) / rate / DT), 2)
-        slope = np.sign(end - start) * rate
-        return [self.update(float(f), slope) for f in np.linspace(start, end, count)]
-
-    def hold(self, demand, duration):
-        """Return the commands of a hold."""
-        return [self.update(demand) for _ in range(int(duration / DT))]
-
-
-def switches(commands):
-    """Return the changes of state over commands."""
-    return np.diff([c.state for c in commands])
+from .at_once import Bench, DT, OPEN, switches
 
 
 @pytest.mark.parametrize(('units', 'policy'), [(2, 'hysteresis'), (6, 'reversal_aware')])
@@ -195,19 +154,6 @@ def test_uneven_sample_times_recruit_nothing(paper_bundle, uneven):
     assert value < bench.curves.top[1] - 15.0
 
 
-@given(steps=st.lists(st.floats(1e-4, 0.05), min_size=3, max_size=40),
-       slope=st.floats(-500.0, 500.0), bandwidth=st.sampled_from([12.0, 80.0]))
-@settings(deadline=None)
-def test_a_ramp_shows_its_rate_whatever_the_sample_times(steps, slope, bandwidth):
-    """Once the start has faded, uneven samples of a ramp give its rate and nothing else."""
-    heading = heading_of(1)
-    for dt in [0.05] * 60 + steps:
-        follow_heading(heading, 0, heading.value[0] + slope * dt, dt, bandwidth)
-    rate, acceleration, _ = heading_now(heading, 0, bandwidth)
-    assert rate == pytest.approx(slope, abs=1e-3)
-    assert acceleration == pytest.approx(0.0, abs=0.1)
-
-
 def test_the_observer_goes_on_while_a_unit_is_crossed(paper_bundle):
     """A unit that is weaker than the model is made up for during its crossing already."""
     bench = Bench(paper_bundle, 0.16)
@@ -266,35 +212,6 @@ def test_a_push_back_that_is_not_there_is_crossed_as_slowly_as_feedback_needs(pa
         off.append(bench.bundle.force(0.16, bench.update(float(force), 20.0).pressure) - force)
     assert bench.controller.state == 2
     assert max(np.abs(off)) < 0.4 * 6.4
-
-
-@pytest.mark.parametrize('dt', [1e-3, DT])
-def test_the_filters_delay_is_made_up_for(dt):
-    """Of a cubic the rate, acceleration and jerk of now come out, not those of before."""
-    heading = heading_of(1)
-    for k in range(1, round(1.0 / dt) + 1):
-        follow_heading(heading, 0, 100.0 * (k * dt) ** 3, dt, 80.0)
-    assert heading_now(heading, 0, 80.0) == pytest.approx((300.0, 600.0, 600.0), rel=0.01)
-
-
-@given(dt=st.floats(1e-4, 0.02), acceleration=st.floats(-100.0, 100.0))
-@settings(deadline=None)
-def test_a_signal_of_constant_acceleration_shows_no_jerk(dt, acceleration):
-    """However long a sample is: it is straight between samples for the filter only."""
-    heading = heading_of(1)
-    for k in range(1, round(1.0 / dt) + 1):
-        follow_heading(heading, 0, 0.5 * acceleration * (k * dt) ** 2, dt, 80.0)
-    assert heading_now(heading, 0, 80.0)[2] == pytest.approx(0.0, abs=0.01)
-
-
-def test_a_signal_that_is_put_to_rest_has_no_slope():
-    """Whatever it did before, the same value again is no change."""
-    heading = heading_of(1)
-    for k in range(50):
-        follow_heading(heading, 0, float(k), DT, 80.0)
-    rest_at(heading, 0, 7.0)
-    follow_heading(heading, 0, 7.0, DT, 80.0)
-    assert heading_now(heading, 0, 80.0) == (0.0, 0.0, 0.0)
 
 
 def test_full_is_full_and_empty_is_empty(paper_bundle):
@@ -408,150 +325,6 @@ def test_a_gap_in_the_readings_counts_from_its_own_beginning(paper_bundle):
             command = bench.controller.update(DT, lost, Reference('force', 40.0))
         assert command.state == 1
         bench.update(40.0)
-
-
-def test_neglect_nets_the_bias_against_forces_that_are_not_below_zero(paper_bundle):
-    """A vented bundle that pushes back is believed to give nothing."""
-    bench = Bench(paper_bundle, 0.2, policy='neglect')
-    bench.controller.update(DT, Measurement(-2.0, 0.2, 0.0, np.zeros(2)), Reference('force', 0.0))
-    for _ in range(2000):
-        bench.controller.update(DT, Measurement(-2.0, 0.2, 0.0, np.zeros(2)),
-                                Reference('force', 0.0))
-    assert bench.controller.outer.bias == pytest.approx(-2.0, abs=0.01)
-
-
-def test_neglect_dips_where_reversal_aware_does_not(paper_bundle):
-    """Without the push-back in its model the controller asks for forces that do not come."""
-    bench = Bench(paper_bundle, 0.16, policy='neglect', outer=OPEN)
-    bench.hold(30.0, 0.5)
-    errors = [bench.bundle.force(0.16, c.pressure) - c.demand
-              for c in bench.ramp(30.0, 60.0, 15.0)]
-    assert min(errors) < -0.5
-
-
-@pytest.mark.parametrize('share', [0.0, 0.9, 1.0])
-def test_no_chatter_while_dwelling_in_the_overlap(paper_bundle, share):
-    """Anywhere in the overlap, with twice the noise of the sensor: at most one switch."""
-    bench = Bench(paper_bundle, 0.16, noise=1.8, seed=3)
-    level = bench.curves.crossing[1] + share * (bench.curves.top[1] - bench.curves.crossing[1])
-    bench.hold(0.5 * level, 0.5)
-    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 10.0)
-    assert np.count_nonzero(switches(commands)) <= 1
-
-
-def test_neglect_chatters_where_reversal_aware_does_not(paper_bundle):
-    """At the limit of RS1 noise alone switches the naive policy to and fro."""
-    bench = Bench(paper_bundle, 0.16, noise=0.9, seed=3, policy='neglect')
-    level = bench.curves.top[1]
-    bench.hold(0.5 * level, 0.5)
-    commands = bench.ramp(0.5 * level, level, 20.0) + bench.hold(level, 10.0)
-    assert np.count_nonzero(switches(commands)) > 5
-
-
-def test_a_demand_that_stops_inside_the_overlap_stays_in_the_cheaper_state(paper_bundle):
-    """A demand that visibly slows down for the middle of the overlap needs no second unit."""
-    bench = Bench(paper_bundle, 0.16, outer=OPEN)
-    middle = 0.5 * (bench.curves.crossing[1] + bench.curves.top[1])
-    bench.hold(20.0, 0.5)
-    for x in np.linspace(0.0, 1.0, 500):
-        s = x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        rate = 30.0 * x * x * (1.0 - x) ** 2 * (middle - 20.0) / 2.0
-        command = bench.update(20.0 + s * (middle - 20.0), rate)
-    assert command.state == 1
-    assert command.saturated == ''
-
-
-@pytest.mark.parametrize('room', [0.06, 1.0])
-@pytest.mark.parametrize('duration', [0.8, 3.0])
-def test_a_demand_that_eases_to_rest_below_the_limit_recruits_nothing(
-        paper_bundle, duration, room):
-    """Where it slows down is seen: from 20 N on half a cosine, to within 1 N of the limit."""
-    bench = Bench(paper_bundle, 0.16, outer=OPEN)
-    low, end = 20.0, bench.curves.top[1] - room
-    phase = np.linspace(0.0, np.pi, round(duration / DT))
-    force = low + 0.5 * (end - low) * (1.0 - np.cos(phase))
-    rate = 0.5 * (end - low) * np.pi / duration * np.sin(phase)
-    commands = bench.hold(low, 1.0)
-    commands += [bench.update(*now) for now in zip(force, rate)] + bench.hold(end, 1.0)
-    assert {c.state for c in commands} == {1}
-    assert bench.bundle.force(0.16, bench.pressure) == pytest.approx(end, abs=0.3)
-
-
-def test_noise_of_the_force_recruits_nothing_just_below_the_limit(paper_bundle):
-    """0.9 N of noise, 0.1 N below: what the observer finds in it may be noise."""
-    for seed in (2, 9):  # some readings in a row are off to one side
-        bench = Bench(paper_bundle, 0.16, noise=0.9, seed=seed, outer=OuterConfig(delay=0.0))
-        end = bench.curves.top[1] - 0.1
-        bench.ramp(2.0, 30.0, 20.0)
-        assert {c.state for c in bench.ramp(30.0, end, 1.5) + bench.hold(end, 8.0)} == {1}
-
-
-def test_a_lead_that_is_learnt_is_no_acceleration_of_the_demand(paper_bundle):
-    """Half a millisecond more of it at 20 N/s leaves where the demand is heading as it was."""
-    heading = []
-    for learnt in (0.0, 5e-4):
-        bench = Bench(paper_bundle, 0.16, outer=OPEN)
-        bench.ramp(10.0, 25.0, 20.0)
-        bench.controller.memory.adaptation.lead += learnt
-        bench.update(25.1, 20.0)
-        demand = bench.controller.memory.demand
-        heading.append((demand.rate, demand.acceleration, demand.jerk))
-    assert heading[1] == pytest.approx(heading[0], abs=1e-6)
-    assert heading[0][0] == pytest.approx(20.0, abs=0.1)
-
-
-def test_uncertainty_widens_the_margin(paper_bundle):
-    """The demand must exceed the limit by more than its own uncertainty, or by what was set."""
-    curves = Allocator(paper_bundle).curves(Instant(0.16))
-    above = curves.top[1] + 1.0
-    for uncertainty, margin, state in ((0.5, None, 2), (2.0, None, 1), (0.0, 2.0, 1)):
-        machine = RecruitmentMachine(2, SwitchingConfig(margin=margin))
-        machine.reset(1)
-        machine.update(DT, curves, Demand(above, uncertainty=uncertainty))
-        assert machine.state == state
-
-
-@pytest.mark.parametrize(('policy', 'wide'), [('reversal_aware', 0.5), ('hysteresis', 0.5),
-                                              ('hysteresis', 2.0)])
-def test_a_demand_that_comes_and_goes_switches_only_past_both_levels(paper_bundle, policy, wide):
-    """Recruits past limit and margin, releases past margin and band below crossing or limit."""
-    curves = Allocator(paper_bundle).curves(Instant(0.16))
-    dip = curves.dip[curves.order[1]]
-    margin, band = 1.0, wide * dip
-    released = (curves.crossing[1] - margin - band if policy == 'reversal_aware' else
-                curves.top[1] - margin - max(band, dip))
-    machine = RecruitmentMachine(2, SwitchingConfig(policy=policy, margin=margin, hysteresis=band))
-    machine.reset(1)
-    states = []
-    for demand in (curves.top[1] + margin - 0.1, curves.top[1] + margin + 0.1, released + 0.1,
-                   curves.top[1] + margin + 0.1, released - 0.1):
-        for _ in range(int(3.0 / DT)):
-            machine.update(DT, curves, Demand(demand))
-        states.append(machine.state)
-    assert states == [1, 2, 2, 2, 1]
-
-
-def test_margins_widen_with_the_bias_that_was_found(paper_bundle):
-    """A plant that is 20 % weaker than the model leaves the controller less sure."""
-    sure, unsure = Bench(paper_bundle, 0.16), Bench(paper_bundle, 0.16)
-    unsure.bundle = paper_bundle.with_effect('motor_unit_mismatch', mu2=-0.2)
-    margins = [bench.hold(70.0, 8.0)[-1].margins.uncertainty for bench in (sure, unsure)]
-    bias = abs(unsure.controller.outer.bias)
-    assert bias > 2.0
-    assert margins[1] - margins[0] == pytest.approx(0.1 * bias, rel=0.1)
-
-
-def test_dwell_time_keeps_from_switching_back(paper_bundle):
-    """A demand that jumps to and fro is not followed faster than the dwell time."""
-    curves = Allocator(paper_bundle).curves(Instant(0.16))
-    machine = RecruitmentMachine(2, SwitchingConfig(policy='hysteresis', dwell=0.4))
-    machine.reset(1)
-    times = []
-    for tick in range(1000):
-        if machine.update(DT, curves, Demand(20.0 if tick % 2 else 60.0)):
-            times.append(tick * DT)
-    assert len(times) > 2
-    assert min(np.diff(times)) >= 0.4 - DT
 
 
 def test_every_decision_is_explained(paper_bundle):
