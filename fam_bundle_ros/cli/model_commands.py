@@ -65,12 +65,7 @@ def draw_map(
            for k in range(bundle.n)], title=f'{bundle.name}: limits of each state',
           numeric=(1, 2))
     if figures.free_strain is not None:
-        f = figures.free_strain
-        if f.dip > 1e-4:
-            console.print(f'free strain dips by {f.dip:.4f} to {f.dip_strain:.4f} while MU2 '
-                          f'fills, lowest at {f.dip_pressure / 1e3:.0f} kPa')
-        else:
-            console.print('free strain does not dip while MU2 fills')
+        console.print(f'free strain {figures.free_strain.words}')
         console.print(f'RS1 and RS2 overlap by up to {found["overlap_widest_N"]:.3g} N, widest '
                       f'at strain {found["overlap_widest_at_strain"]:.3g}')
     if ends is not None:

@@ -32,8 +32,7 @@ def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path,
     f = figures.free_strain
     if f is not None:
         headline += [
-            Headline('Free strain dip', f'{f.dip:.4f}',
-                     f'to {f.dip_strain:.4f} at {f.dip_pressure / 1e3:.0f} kPa of MU2'),
+            Headline('Free strain dip', f'{f.dip:.4f}', f.words),
             Headline('Widest overlap of RS1 and RS2', f'{found["overlap_widest_N"]:.3g} N',
                      f'at strain {found["overlap_widest_at_strain"]:.3g}')]
     return Page(

@@ -101,6 +101,14 @@ class FreeStrain:
     dip_strain: float
     dip: float
 
+    @property
+    def words(self) -> str:
+        """How far it dips and where; a dip of less than is shown is none."""
+        if self.dip < 5e-5:
+            return 'does not dip while MU2 fills'
+        return (f'dips by {self.dip:.4f} to {self.dip_strain:.4f} while MU2 fills, lowest at '
+                f'{self.dip_pressure / 1e3:.0f} kPa')
+
 
 @dataclass(frozen=True)
 class PaperFigures:

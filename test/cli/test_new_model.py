@@ -102,6 +102,9 @@ def test_a_measured_muscle_becomes_a_bundle_of_such_muscles(fam_bundle, tmp_path
     assert bundle.unit_forces(0.1, [2e5, 2e5]) == pytest.approx([one, 2.0 * one])
     assert bundle.max_pressure == pytest.approx([300e3, 300e3])
     assert [effect.name for effect in bundle.effects] == ['mesh', 'bladder_elasticity']
+    drawn = fam_bundle('map', 'bundle.yaml', '--out', 'map.html')
+    assert 'free strain does not dip while MU2 fills' in drawn.stdout
+    assert '>does not dip while MU2 fills<' in (tmp_path / 'map.html').read_text()
 
 
 def test_a_slack_muscle_pushes_back_between_rigid_ends_but_not_on_tendons(fam_bundle, tmp_path):
