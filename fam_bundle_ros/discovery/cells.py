@@ -44,6 +44,8 @@ class Cells:
         The motion in these rows, input of a model.
     label : ndarray of int, shape (T,)
         Cell of each row, -1 for rows that are not used.
+    unused : dict of str to int
+        Number of rows that are not used, by the reason in words.
     count : ndarray, shape (n,)
         Rows of each cell.
     force, strain, direction, trial : ndarray, shape (n,)
@@ -60,6 +62,7 @@ class Cells:
     data: Measurement
     motion: Motion
     label: np.ndarray
+    unused: dict[str, int]
     count: np.ndarray
     force: np.ndarray
     strain: np.ndarray
@@ -148,14 +151,20 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     else:
         label = (_places if data.is_static else _visits)(
             data, data.direction, strain_range, pressure_range, most)
-    label = _at_most(most, np.where(
-        spikes(data, residual, noise) | unknown_direction(data), -1, label))
+    far, turns = spikes(data, residual, noise), unknown_direction(data)
+    label = _at_most(most, np.where(far | turns, -1, label))
+    left = (label < 0) & ~far
+    unused = {'spikes': far.sum(),
+              'the first of a trial or at a turning point, where the direction of motion is not '
+              'known': (left & turns).sum(),
+              f'from visits beyond {most}, evenly spread': (left & ~turns).sum()}
     count = np.bincount(label[label >= 0]).astype(float)
     mean = averages(label, len(count))
 
     stiff = stiffness(model, data)
     rate = np.abs(mean(data.strain_rate))
-    return Cells(data, record, label, count, mean(data.force), mean(data.strain),
+    return Cells(data, record, label, {words: int(rows) for words, rows in unused.items() if rows},
+                 count, mean(data.force), mean(data.strain),
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
                  np.log(np.maximum(rate, max(CRAWL * np.percentile(rate, 90), 1e-9))),
                  np.round(mean(data.trial.astype(float))),

@@ -224,9 +224,13 @@ def _tables(data: Measurement, residual: np.ndarray, floor: NoiseFloor, past_fre
             if not len(inside):
                 continue
             error = rms(inside)
-            limit = floor.value * (1.0 + 3.0 * np.sqrt(floor.correlation / (2.0 * len(inside))))
+            # Three standard deviations of the mean, and of the rms, of correlated noise.
+            spread = 3.0 * np.sqrt(floor.correlation / len(inside))
+            bias = float(inside.mean())
+            beyond = (error > floor.value * (1.0 + spread / np.sqrt(2.0))
+                      or abs(bias) > floor.value * spread)
             rows.append({'label': label, 'samples': len(inside), 'error_N': error,
-                         'bias_N': float(inside.mean()), 'beyond_noise': bool(error > limit)})
+                         'bias_N': bias, 'beyond_noise': bool(beyond)})
         return rows
 
     unit = varying_unit(data)

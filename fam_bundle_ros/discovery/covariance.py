@@ -50,9 +50,14 @@ class Hyper(NamedTuple):
         return not (self.even or self.odd or self.slow or self.speed)
 
     @property
+    def both_ways(self) -> bool:
+        """Whether part of the discrepancy depends on the direction of motion."""
+        return bool(self.odd or self.speed)
+
+    @property
     def fits_a_table(self) -> bool:
         """Whether part of the discrepancy is a function of strain, pressure and direction."""
-        return bool(self.even or self.odd)
+        return bool(self.even or self.both_ways)
 
 
 #: Length of each grid, in the order of `Hyper`.

@@ -6,6 +6,8 @@ Simple rival models: the mean force, a plane, a six-parameter empirical form, a 
 Each is a function of the training cells, strain (k,), pressure (k, m), Pa, force (k,), N, and
 weight (k,), that returns the prediction as a function of strain and pressure. At constant force
 the strain is predicted instead: by its mean, and by a line and a cubic in the pressure.
+Predictions are limited to the range of the data: where a fold leaves one isobar only, a slope over
+the pressure is determined by the noise of the gauge.
 """
 
 from __future__ import annotations
@@ -98,7 +100,8 @@ def rival_error(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -
     if cells.stiffness is None:
         form = RIVALS.get(rival, strain_alone)
         predict = form(cells.strain[train], pressure[train], cells.force[train], weight)
-        return cells.force[test] - predict(cells.strain[test], pressure[test])
+        return cells.force[test] - _within(cells.force, predict(cells.strain[test],
+                                                                pressure[test]))
     degree = {'mean': 0, 'plane': 1, 'empirical': 3, BLIND: 0}[rival]
     scale = np.maximum(np.abs(pressure).max(axis=0), 1.0)
 
@@ -106,8 +109,12 @@ def rival_error(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -
         return np.concatenate([np.ones((len(p), 1)), *((p / scale) ** (k + 1)
                                                        for k in range(degree))], axis=1)
     predict = _linear(columns, cells.strain[train], pressure[train], cells.strain[train], weight)
-    return cells.stiffness[test] * (predict(cells.strain[test], pressure[test])
-                                    - cells.strain[test])
+    found = _within(cells.strain, predict(cells.strain[test], pressure[test]))
+    return cells.stiffness[test] * (found - cells.strain[test])
+
+
+def _within(data: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.clip(values, data.min(), data.max())
 
 
 def _linear(columns: Callable[[np.ndarray, np.ndarray], np.ndarray], strain: np.ndarray,

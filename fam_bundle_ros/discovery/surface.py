@@ -72,13 +72,15 @@ class Surface:
         Parameters
         ----------
         needed : Hyper
-            Of the joint fit with a discrepancy: one of the two starts of the search. Even or odd
-            parts of amplitude zero stay zero.
+            Of the joint fit with a discrepancy: one of the two starts of the search. An even part
+            of amplitude zero stays zero, and so does the odd part of one that is the same in both
+            directions: a part that depends on the speed is odd.
         """
         covariance = _covariance(fitter, model, needed, None)
         there = covariance.cells
         local = Fitter(there, covariance)
-        none = tuple(axis for axis in ('even', 'odd') if not getattr(needed, axis))
+        none = tuple(axis for axis, there in (('even', needed.even), ('odd', needed.both_ways))
+                     if not there)
         small = local.first_hyper()._replace(**dict.fromkeys(none, 0))
         at = Linear.of((), np.zeros(0), there.force, np.zeros((len(there), 0)))
         found = [local.best_hyper(h, at, fixed=none)
@@ -138,7 +140,7 @@ def _covariance(fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | 
     if used is not None:
         kept &= used[cells.label]
     off = cells.data.force - model.predict(cells.motion)
-    way = way_of(cells) if hyper.odd else np.zeros(len(off))
+    way = way_of(cells) if hyper.both_ways else np.zeros(len(off))
     there = _averaged(cells, off, places(cells, kept, np.sign(way).astype(int)), way)
     return Covariance(there, fitter.covariance.unexplained, cells.force_sd)
 

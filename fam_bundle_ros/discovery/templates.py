@@ -97,6 +97,11 @@ class Template:
                               (coefficient, *others))()
 
 
+#: Words for a loss, and for the same with the other sign: play or delay, not friction.
+_OPPOSITE = {'against the motion': 'with the motion',
+             'lower while filling': 'higher while filling'}
+
+
 @dataclass(frozen=True)
 class _Shape:
     columns: np.ndarray  # (T, c): one column, or a sine and cosine
@@ -331,10 +336,19 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     for gain, weight, shape, size in scored:
         if any(t.kind == shape.kind for t in found):
             continue
+        coefficient = float(np.linalg.norm(weight) if len(weight) > 1 else weight[0])
         found.append(Template(
-            shape.words, float(np.linalg.norm(weight) if len(weight) > 1 else weight[0]),
-            shape.unit, float(np.clip(gain / excess, 0, 1)), gain, shape.families,
-            shape.expression, shape.kind, size, shape.constants))
+            _signed(shape.words, coefficient), coefficient, shape.unit,
+            float(np.clip(gain / excess, 0, 1)), gain, shape.families, shape.expression,
+            shape.kind, size, shape.constants))
         if len(found) == most:
             break
     return tuple(found)
+
+
+def _signed(words: str, coefficient: float) -> str:
+    """Return the words of a shape for the sign of its coefficient."""
+    if coefficient < 0.0:
+        for way, other in _OPPOSITE.items():
+            words = words.replace(way, other)
+    return words

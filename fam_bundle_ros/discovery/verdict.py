@@ -89,6 +89,15 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     return Left(float(np.sqrt(square)), rough, float(np.hypot(np.sqrt(beside), rough)))
 
 
+def drift(covariance: Covariance, fit: Fit) -> float:
+    """Return the size of the part of the discrepancy that is a function of time, N rms."""
+    h = fit.hyper._replace(even=0, odd=0, speed=0)
+    if not h.slow:
+        return 0.0
+    part = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper), fit.residual)
+    return float(np.sqrt(np.mean(part ** 2)))
+
+
 def implausible_geometry(physics: Fit) -> list[str]:
     """Return in words which dimensions are implausibly far from their priors."""
     return [f'{prior.key} has moved {u:+.1f} tolerances'
@@ -194,6 +203,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         removed all effects, the verdict is `unexplained`, not `adequate`.
     """
     cells = fitter.cells
+    artefacts = (*artefacts, *_drifts(fitter, chosen))
     before = remaining_discrepancy(fitter.covariance, null, base)
     after = remaining_discrepancy(fitter.covariance, chosen, physics)
     still = evidence_of_structure(fitter, chosen)
@@ -224,6 +234,16 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         verdict = 'partial' if warnings or rest else 'missing_effect'
     return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
                    warnings, tuple(artefacts))
+
+
+def _drifts(fitter: Fitter, fit: Fit) -> list[Artefact]:
+    size, time = drift(fitter.covariance, fit), settings.TIME_LENGTHS[fit.hyper.tau]
+    if size <= negligible(fitter.cells):
+        return []
+    return [Artefact(f'the error drifts by {size:.2g} N rms within the trials, over about '
+                     f'{time:g} s, whatever the strain and the pressure',
+                     'log a trial at constant strain and pressure: it shows whether the load cell '
+                     'or the muscle drifts')]
 
 
 def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bool:
@@ -296,8 +316,7 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
              for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound)
              if bound and not prior.own and not _is_off(prior, u)]
     found += implausible_geometry(physics)
-    own = {prior.key for prior in physics.priors if prior.own}
-    found += [words for key, words in implausible_constants(physics).items() if key in own]
+    found += implausible_constants(physics).values()
     if held.physics > held.rivals['empirical']:
         found.append('on held-out folds a six-parameter empirical form predicts better than the '
                      'effects')

@@ -72,7 +72,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         Rms errors ``recalibrated`` and ``best``, and the noise floor ``noise``, N.
     """
     if finding.verdict == 'adequate':
-        return 'the model explains the data down to their noise'
+        return 'the model explains ' + _down_to('the data down to their noise', error)
     if finding.verdict == 'recalibrate':
         far = ', '.join(f'{p.key.partition(".")[2]} {u:+.1f}' for p, u in zip(
             base.priors, base.u) if abs(u) > 0.2)
@@ -81,7 +81,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     if finding.verdict == 'unexplained':
         if finding.artefacts:
             return '; '.join(artefact.words for artefact in finding.artefacts)
-        shape = shapes[0].words if shapes else 'no plain shape'
+        shape = _shape(shapes, 'no plain shape')
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
             f'{finding.after.total:.2g} N of structure would be left')
@@ -96,16 +96,28 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     elif finding.after.rough > settings.VISIBLE * error['best']:
         text += (f' explain{s} the error down to {error["best"]:.3g} N: more than the noise, but '
                  f'without a smooth shape and below {settings.SMALL:.0%} of the largest force')
-    elif error['best'] ** 2 - error['noise'] ** 2 > (settings.VISIBLE * error['best']) ** 2:
-        text += (f' explain{s} all systematic error; {error["best"]:.3g} N rms without structure '
-                 f'are left, above the noise floor of {error["noise"]:.3g} N')
     else:
-        text += f' explain{s} the error down to the noise'
+        text += f' explain{s} ' + _down_to('the error down to the noise', error)
     if ties or trades:
         more = f' (and {len(trades) - _TOLD} more)' if len(trades) > _TOLD else ''
         text += '; these data cannot tell apart ' + '; '.join(
             [*(' and '.join(group) for group in ties), *map(str, trades[:_TOLD])]) + more
     return text
+
+
+def _shape(shapes: Sequence[Template], otherwise: str) -> str:
+    """Return the words for the best shape, if it is most of the error."""
+    most = [shape.words for shape in shapes[:1] if shape.explained >= settings.MOST_OF_IT]
+    return most[0] if most else otherwise
+
+
+def _down_to(noise_only: str, error: Mapping[str, float]) -> str:
+    """Return what is explained: the words for all but noise, or that more is left."""
+    best, noise = error['best'], error['noise']
+    if best ** 2 - noise ** 2 > (settings.VISIBLE * best) ** 2:
+        return (f'all systematic error; {best:.3g} N rms without structure are left, above '
+                f'the noise floor of {noise:.3g} N')
+    return noise_only
 
 
 def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
@@ -138,7 +150,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                        f'(by {np.sqrt(best.separation):.0f} noise sd)')
                 return Next(f'{best.words}: {why}', replace(best.protocol, notes=why))
     if finding.verdict == 'unexplained':
-        shape = shapes[0].words if shapes else 'the error'
+        shape = _shape(shapes, 'the error')
         return Next(f'measure where the error is largest again, in finer steps and at two speeds '
                     f'({shape})', finer(fitter.cells, chosen.model))
     if finding.verdict == 'recalibrate':
@@ -178,10 +190,9 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
     left_out = int((cells.label < 0).sum())
     if left_out:
         missed = (data.force - final.model.predict(cells.motion))[cells.label >= 0]
-        notes.append(f'{left_out} of {len(cells.label)} rows are not used: spikes, rows whose '
-                     'direction of motion is not known (the first of a trial, turning points), '
-                     f'or rows beyond the largest number of cells; on the others the best error '
-                     f'is {rms(missed):.3g} N')
+        why = ', '.join(f'{rows} {words}' for words, rows in cells.unused.items())
+        notes.append(f'{left_out} of {len(cells.label)} rows are not used ({why}); on the others '
+                     f'the best error is {rms(missed):.3g} N')
     if cells.stiffness is not None:
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "
@@ -218,12 +229,16 @@ def not_named(posterior: Posterior, chosen: Fit, mentioned: Iterable[str]) -> tu
         Labels that are named elsewhere, in ties and trades.
     """
     known = {*_labels(posterior, chosen), *mentioned}
-    return tuple(
-        f'{label} is likelier than not ({posterior.of_label(label):.2f}) but not named: the '
-        'evidence for it is weak, it does not improve the prediction of held-out folds, or its '
-        'constants are implausible'
-        for label in posterior.labels()
-        if label not in known and posterior.of_label(label) > 0.5)
+    notes = []
+    for label in posterior.labels():
+        probability = posterior.of_label(label)
+        if label in known or probability <= 0.5:
+            continue
+        weak = probability < 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS))
+        why = ('the evidence for it is weak' if weak else 'it does not improve the prediction of '
+               'held-out folds, or its constants are implausible')
+        notes.append(f'{label} is likelier than not ({probability:.2f}) but not named: {why}')
+    return tuple(notes)
 
 
 def ascends(data: Measurement) -> bool:

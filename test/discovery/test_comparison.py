@@ -172,6 +172,16 @@ def test_only_the_isobar_that_is_off_is_beyond_the_noise(sweeps, paper_muscle):
     assert rows[-1]['error_N'] == pytest.approx(np.hypot(0.9, 0.6), abs=0.1)
 
 
+def test_a_bias_of_many_rows_is_beyond_the_noise_however_small(sweeps, paper_muscle):
+    """A fifth of the noise, both ways: the rms hardly grows, but the mean is off by ten sd."""
+    data = sweeps(extra=lambda strain, pressure, way, time: 0.12 * way)
+    ways = {row['label']: row for row in compare(paper_muscle, data).tables['direction']}
+    found = {label: row['beyond_noise'] for label, row in ways.items() if row['samples'] > 100}
+    assert set(found.values()) == {True}
+    right = compare(paper_muscle, sweeps()).tables['direction']
+    assert not any(row['beyond_noise'] for row in right)
+
+
 def test_one_trial_that_went_wrong_is_named_alone(sweeps):
     """Its rows and no others; an error that all trials share is no trial's."""
     data = sweeps()

@@ -68,6 +68,17 @@ def test_what_was_planted_is_in_the_surface(fitter, paper_muscle):
                     even + odd * np.tanh(cells.motion.strain_rate[rows] / ROUNDING))
 
 
+def test_a_loss_that_the_search_sees_by_its_speed_is_in_the_surface(fitter, paper_muscle):
+    """The table knows no speed, but both ways: the part of the speed is odd as well."""
+    by_speed = HYPER._replace(odd=0, speed=7)
+    surface = Surface.best(fitter, paper_muscle, by_speed)
+    _, odd = surface.parts(np.linspace(0.03, 0.21, 10), np.full((10, 1), 330.96e3))
+    assert odd == pytest.approx(-2e-5 * 330.96e3, abs=0.8)
+    assert Hyper(speed=7).fits_a_table
+    neither = Surface.best(fitter, paper_muscle, HYPER._replace(odd=0))
+    assert neither.hyper.odd == 0
+
+
 def test_cells_that_do_not_count_leave_the_surface_as_it_is_without_them(fitter, paper_muscle):
     """Their rows are in no place."""
     used = fitter.cells.strain < 0.15

@@ -14,7 +14,7 @@ from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.settings import Choices, SMALL
-from fam_bundle_ros.discovery.templates import _lagged, bank, describe
+from fam_bundle_ros.discovery.templates import _lagged, _signed, bank, describe
 from fam_bundle_ros.model import Bundle, MotorUnit
 
 
@@ -224,3 +224,12 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
         absorbed = np.linalg.lstsq(own, both[:, len(fit.u):])[0]
         taken = (column - fit.slopes @ absorbed) @ weight
         assert shape.size_N == pytest.approx(np.sqrt(np.mean(taken ** 2)), rel=1e-5)
+
+
+@pytest.mark.parametrize(('words', 'turned'), [
+    ('against the motion, with speed', 'with the motion, with speed'),
+    ('lower while filling than while venting, constant',
+     'higher while filling than while venting, constant'), ('constant', 'constant')])
+def test_a_negative_coefficient_turns_the_words(words, turned):
+    """A force with the motion is play or a delay, and no friction."""
+    assert (_signed(words, 2.0), _signed(words, -2.0)) == (words, turned)

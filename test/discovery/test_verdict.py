@@ -21,13 +21,16 @@ from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
     _alike_at_one_rate,
+    _drifts,
     _effect_of_pressure,
     _explained,
     _refusals,
     _warnings,
     Artefact,
+    drift,
     implausible_constants,
     judge,
+    negligible,
     remaining_discrepancy,
 )
 
@@ -72,6 +75,26 @@ def test_what_effects_explain_alone_is_not_left_to_a_discrepancy(search):
     assert remaining_discrepancy(covariance, joint, other).total > 10.0
 
 
+def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
+    """Where the joint fit has a slow part; an error over the strain is none."""
+    cells = reduce(paper_muscle, make_sweeps(), most=60)
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options.of(paper_muscle, cells, Choices())
+    fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    slow = 6.0 * np.sin(cells.time / 20.0)
+    wave = 2.0 * np.sin(30.0 * cells.strain)
+    both = Hyper(even=11, strain=3, pressure=1, slow=11, tau=2)
+    drifting = replace(fit, hyper=both, residual=slow)
+    size = drift(fitter.covariance, drifting)
+    assert size == pytest.approx(np.sqrt(np.mean(slow ** 2)), rel=0.2)
+    assert drift(fitter.covariance, replace(fit, hyper=both, residual=wave)) < 0.5
+    assert drift(fitter.covariance, replace(drifting, hyper=both._replace(slow=0))) == 0.0
+    assert [each.words.split(' within')[0] for each in _drifts(fitter, drifting)] == [
+        f'the error drifts by {size:.2g} N rms']
+    # a share of the largest force that no gauge shows is none
+    assert _drifts(fitter, replace(drifting, residual=0.9 * negligible(cells) / size * slow)) == []
+
+
 @pytest.mark.parametrize(('u', 'doubted'), [(0.0, False), (1.0, False), (4.0, True)])
 def test_a_size_at_its_upper_bound_is_doubted_and_one_that_is_off_is_not(search, u, doubted):
     """Zero switches an effect off; the largest size that is possible is no measurement."""
@@ -81,9 +104,9 @@ def test_a_size_at_its_upper_bound_is_doubted_and_one_that_is_off_is_not(search,
 
 
 @pytest.mark.parametrize(('own', 'u', 'doubted'), [
-    (True, 2.9, False), (True, -3.1, True), (False, 3.1, False)])
-def test_a_constant_of_the_model_far_from_its_value_is_a_caution(search, own, u, doubted):
-    """Its value was told by the user; that of an added effect is only the usual one."""
+    (True, 2.9, False), (True, -3.1, True), (False, 2.9, False), (False, 3.1, True)])
+def test_a_constant_far_from_its_usual_value_is_a_caution(search, own, u, doubted):
+    """Of the model's own effects, and of one that is added: rubber is not 100 K warmer."""
     prior = Prior('bladder_elasticity.c10', 1.0, 1e9, 1e5, 0.5, 'log', own)
     fit = replace(search(nothing=0.0).null, priors=(prior,), u=np.array([u]))
     assert any('widths' in words for words in _warnings(fit, GOOD)) == doubted

@@ -113,11 +113,11 @@ BASE = SimpleNamespace(u=np.array([0.1, -1.24, 4.0]), priors=[
     SimpleNamespace(key=key) for key in ('geometry.length', 'geometry.radius', 'mesh.factor')])
 
 
-def said(verdict, answer=(), found=(), ties=(), trades=(), shapes=(), after=0.2, **more):
+def said(verdict, answer=(), found=(), ties=(), trades=(), shapes=(), after=0.2, best=0.6, **more):
     """Return the sentence of a verdict; errors of 3.1 N before and 0.6 N after."""
     return summarise(Finding(verdict, Left(3.1, 0.2), Left(after, 0.0), 0.8, **more), answer,
                      found, ties, trades, BASE, shapes,
-                     {'recalibrated': 3.1, 'best': 0.6, 'noise': 0.59})
+                     {'recalibrated': 3.1, 'best': best, 'noise': 0.59})
 
 
 def test_changes_and_models_are_named_by_what_was_changed():
@@ -135,6 +135,9 @@ def test_changes_and_models_are_named_by_what_was_changed():
 def test_a_model_that_is_right_or_off_in_its_dimensions_lacks_nothing():
     """What moved by a fifth of its tolerance is told, with its sign."""
     assert said('adequate') == 'the model explains the data down to their noise'
+    assert said('adequate', best=3.0) == (
+        'the model explains all systematic error; 3 N rms without structure are left, above the '
+        'noise floor of 0.59 N')
     assert said('recalibrate') == (
         "the model's own parameters explain the error (tolerances moved: radius -1.2, "
         'factor +4.0); no effect is missing')
@@ -142,10 +145,12 @@ def test_a_model_that_is_right_or_off_in_its_dimensions_lacks_nothing():
 
 def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
     """With why that is no answer; an artefact of the measurement comes first."""
-    shape = SimpleNamespace(words='a bump about strain 0.1')
+    shape = SimpleNamespace(words='a bump about strain 0.1', explained=0.5)
     start = ('the error has a structure that no effect of the catalogue explains; it looks like '
              'this: ')
     assert said('unexplained') == f'{start}no plain shape'
+    little = SimpleNamespace(words='a bump', explained=0.49)
+    assert said('unexplained', shapes=(little, shape)) == f'{start}no plain shape'
     assert said('unexplained', found=(DRY, CAPS), shapes=(shape,)) == (
         f'{start}a bump about strain 0.1 (nearest: coulomb_friction and end_caps, but 0.2 N of '
         'structure would be left)')
@@ -195,13 +200,14 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     far = SimpleNamespace(priors=BASE.priors, u=np.array([0.0, -3.2, 9.0]), model=model)
     floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
     label = np.arange(len(data)) // 3
-    cells = SimpleNamespace(data=data, label=label, motion=None, stiffness=None)
+    cells = SimpleNamespace(data=data, label=label, unused={'spikes': 3, 'odd': 4}, motion=None,
+                            stiffness=None)
     assert notes_on(cells, floor, calm, calm, kinds) == ()
     label[:7] = -1
     ripple = SimpleNamespace(note='a fine ripple')
     found = notes_on(cells, ripple, calm, far, SimpleNamespace(kinds={}))
     assert found[0] == 'a fine ripple'
-    assert found[1].startswith('7 of 600 rows are not used')
+    assert found[1].startswith('7 of 600 rows are not used (3 spikes, 4 odd); on the others')
     assert found[1].endswith('the best error is 0.5 N')
     assert found[2].startswith('the data have no folds')
     assert found[3] == ('the refit moves the geometry beyond its tolerances: geometry.radius '
