@@ -111,7 +111,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         likewise = recommend(
             _written(model, other, estimates(other, posterior)), other, beside,
             held_out(fitter, other, beside).of_rows(beyond), fitter)
-        recommended = min(recommended, likewise, key=lambda each: each.held_out_N)
+        recommended = min(recommended, replace(likewise, others=True),
+                          key=lambda each: each.held_out_N)
     noise = noise_floor(data, data.force - predict(best, data))
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))

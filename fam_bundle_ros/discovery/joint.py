@@ -167,6 +167,18 @@ class JointPosterior:
         return tuple(group for group in groups if len(group) > 1)
 
 
+    def error_ties(self, k: int, fit: Fit, odds: float) -> tuple[tuple[str, ...], ...]:
+        """Return groups: a sensor error of a specimen's fit, then those that can replace it."""
+        search, least = self.searches[k], fit.posterior - np.log(odds)
+        others = sensor_errors(search.options,
+                               tuple(sorted(set(search.options.effects) - set(fit.names))))
+        groups = [(name, *(
+            other for other in others
+            if search.fit(with_name(without(fit.names, name), other)).posterior > least))
+            for name in sensor_errors(search.options, fit.names)]
+        return tuple(group for group in groups if len(group) > 1)
+
+
 def _needed(gain: float) -> float:
     """Return the loss of log posterior from which an effect is named."""
     return max(settings.LEAST_LOSS, settings.LEAST_SHARE * gain)

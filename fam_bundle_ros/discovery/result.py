@@ -101,6 +101,8 @@ class Recommended(Told):
         Held-out errors of the recommended model, of physics alone, and with the discrepancy.
     rivals_N : dict of str to float
         Held-out errors of ``mean``, ``plane``, ``empirical``.
+    others : bool
+        Whether its effects are other ones than those of the answer.
     """
 
     model: Bundle
@@ -110,10 +112,12 @@ class Recommended(Told):
     held_out_physics_N: float
     held_out_discrepancy_N: float
     rivals_N: dict[str, float]
+    others: bool = False
 
     def __str__(self) -> str:
         rivals = self.rivals_N
-        return (f"recommended: physics ({', '.join(self.effects)})"
+        what = ' for predictions, with other effects than those named' if self.others else ''
+        return (f"recommended{what}: physics ({', '.join(self.effects)})"
                 f"{' with the discrepancy' if self.leftover else ''}; "
                 f'on held-out folds {self.held_out_physics_N:.3g} N without and '
                 f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; mean force '
@@ -135,7 +139,8 @@ class Recommended(Told):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as the JSON has it."""
-        return {'effects': list(self.effects), 'discrepancy': self.leftover is not None,
+        return {'effects': list(self.effects), 'others': self.others,
+                'discrepancy': self.leftover is not None,
                 'held_out_N': self.held_out_N, 'held_out_physics_N': self.held_out_physics_N,
                 'held_out_discrepancy_N': self.held_out_discrepancy_N,
                 'rivals_N': dict(self.rivals_N)}

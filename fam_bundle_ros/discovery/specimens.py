@@ -48,6 +48,8 @@ class Verdict:
     specimen : Specimen
     changes : tuple of Change
         Those that this recording needs; sensor errors are those of its rig.
+    tied : tuple of tuple of str
+        Groups: a sensor error of this recording, then those that can replace it.
     finding : Finding
     error_N : dict of str to float
         ``model``, ``recalibrated``, ``best``, ``held_out``.
@@ -63,6 +65,7 @@ class Verdict:
 
     specimen: Specimen
     changes: tuple[Change, ...]
+    tied: tuple[tuple[str, ...], ...]
     finding: Finding
     error_N: dict[str, float]
     moved: dict[str, float]
@@ -80,6 +83,8 @@ class Verdict:
         """Sentences: left out or not, slips, refusals and warnings."""
         return (*(['left out of the constants'] if self.left_out else []),
                 *(f'check first: {slip}' for slip in self.slips),
+                *(f'this recording cannot tell apart {" and ".join(group)}'
+                  for group in self.tied),
                 *self.finding.refusals, *self.finding.warnings)
 
     @property
@@ -99,6 +104,7 @@ class Verdict:
         """Return the entry as JSON has it."""
         return {'name': self.name, 'facts': dict(self.specimen.facts),
                 'verdict': self.finding.verdict, 'changes': [str(c) for c in self.changes],
+                'tied': [list(group) for group in self.tied],
                 'error_N': self.error_N, 'tolerances_moved': self.moved,
                 'left_out': self.left_out, 'notes': list(self.notes)}
 
@@ -229,7 +235,8 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
     judged = [each.with_set(fit) for each, fit in zip(searched, joint.reduced(names))]
     told = [k for k in kept if k in _two_or_more([each.finding for each in judged])]
     told = told if len(told) > 1 else kept
-    verdicts = tuple(_verdict(model.name, *each, k not in told)
+    verdicts = tuple(_verdict(model.name, *each, k not in told,
+                              joint.error_ties(k, each[-1].chosen, choices.odds))
                      for k, each in enumerate(zip(specimens, searched, judged)))
     hidden = {change.label: tuple(specimens[k].name for k in told
                                   if change.new not in searches[k].options.effects)
@@ -249,7 +256,7 @@ def _two_or_more(findings: Sequence[Finding]) -> list[int]:
 
 
 def _verdict(name: str, specimen: Specimen, searched: Searched, judged: Judged,
-             left_out: bool) -> Verdict:
+             left_out: bool, tied: tuple[tuple[str, ...], ...]) -> Verdict:
     final = judged.physics if judged.finding.named else judged.base
     data = searched.data
     errors = {word: rms(data.force - predict(fit.model, data))
@@ -257,7 +264,7 @@ def _verdict(name: str, specimen: Specimen, searched: Searched, judged: Judged,
     cells = searched.search.fitter.cells
     held = judged.held.of_rows(beyond_cells(cells, final, errors['best']))
     return Verdict(
-        specimen, tuple(judged.found), judged.finding,
+        specimen, tuple(judged.found), tied, judged.finding,
         {'model': searched.comparison.error_N, **errors, 'held_out': held.physics},
         {p.key.partition('.')[2]: float(u) for p, u in zip(final.priors, final.u)
          if p.key.startswith('geometry.')}, searched.comparison.slips, left_out,

@@ -35,20 +35,23 @@ class Told(Search):
         return self.fits[names]
 
 
+def searched(model, gains):
+    """Return the search of a recording that can show the effects of these gains."""
+    effects = {effect.name: effect for effect in model.effects}
+    effects |= {name: catalogue.get(name)() for name in gains}
+    search = Told(Options(model, None, Choices(), effects), None, gains=gains)
+    for names in search.options.further(search.options.own):
+        for more in search.options.further(names):
+            search.fit(more)
+        search.fit(names)
+    return search
+
+
 @pytest.fixture
 def joint(paper_muscle):
     """Return a function from the gains of each recording, of what it can show, to the answer."""
     def make(*recordings, model=paper_muscle):
-        searches = []
-        for gains in recordings:
-            effects = {effect.name: effect for effect in model.effects}
-            effects |= {name: catalogue.get(name)() for name in gains}
-            search = Told(Options(model, None, Choices(), effects), None, gains=gains)
-            for names in search.options.further(search.options.own):
-                for more in search.options.further(names):
-                    search.fit(more)
-                search.fit(names)
-            searches.append(search)
+        searches = [searched(model, gains) for gains in recordings]
         found = JointPosterior(searches, range(len(searches)))
         names, answer = found.named()
         return [c.new for c in answer], [
@@ -70,6 +73,18 @@ def test_the_error_of_one_rig_is_not_missing_in_all(joint):
     answer, own = joint(*({BIAS: gain, ENDS: 20.0} for gain in (-2.0, 60.0, 4.0)))
     assert answer == [ENDS]
     assert own == [{ENDS}, {ENDS, BIAS}, {ENDS}]
+
+
+def test_sensor_errors_of_one_rig_that_can_replace_each_other_are_tied(paper_muscle):
+    """Within the odds; an effect of the muscle or a weaker error is no tie."""
+    gains = {BIAS: 60.0, 'strain_sensor_offset': 58.0, 'pressure_sensor_bias': 50.0,
+             FRICTION: 59.0}
+    searches = [searched(paper_muscle, {ENDS: 20.0}), searched(paper_muscle, gains)]
+    found = JointPosterior(searches, [0, 1])
+    fit = searches[1].fit(tuple(sorted({*searches[1].options.own, BIAS})))
+    assert found.error_ties(1, fit, 20.0) == ((BIAS, 'strain_sensor_offset'),)
+    assert found.error_ties(1, fit, 2.0) == ()
+    assert found.error_ties(0, searches[0].null, 20.0) == ()
 
 
 def test_an_effect_of_one_muscle_is_not_missing_in_all(joint):

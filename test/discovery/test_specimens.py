@@ -101,7 +101,7 @@ def test_a_friction_in_proportion_to_length_is_no_constant(specimens, paper_musc
 def test_what_is_replaced_in_all_is_said():
     """An effect of one rig is not; both are told by the recordings that need them."""
     rubber, bias = Change('bladder_elasticity', 'bladder_polynomial'), Change('', 'pressure_bias')
-    verdicts = tuple(Verdict(Specimen(name, ''), own, None, {}, {}, (), False, None)
+    verdicts = tuple(Verdict(Specimen(name, ''), own, (), None, {}, {}, (), False, None)
                      for name, own in (('a', (rubber,)), ('b', (rubber, bias))))
     assert Together((rubber,), {}, (), {}, verdicts, (), ()).headlines == [
         ('missing in all', 'nothing'),
