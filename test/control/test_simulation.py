@@ -158,7 +158,7 @@ def test_past_the_free_strain_the_units_are_vented(paper_bundle, scheme):
 
 def test_effects_of_time_are_allocated_for(paper_bundle):
     """Muscles that warm up get the pressure of now: feed-forward alone stays on the force."""
-    warm = paper_bundle.with_effect('temperature', rise=100.0, time_constant=10.0)
+    warm = paper_bundle.with_effect('temperature', rise=80.0, time_constant=10.0)
     config = ControllerConfig(outer=OuterConfig(feedback=False))
     log = ClosedLoop(warm, controller=config).run(
         path([0.0, 6.0], [30.0, 30.0], load=Dynamometer(0.16)))

@@ -195,6 +195,26 @@ def test_filling_and_venting_a_held_muscle_differ_by_twice_the_friction(law, val
     assert_allclose(lost[turned], at(pressure[turned]) * (2 * np.exp(-0.98) - 1), rtol=1e-6)
 
 
+@pytest.mark.parametrize(('law', 'left'), [
+    ('pressure_line_lag', lambda t: np.exp(-t)),
+    ('pressure_line_double', lambda t: (1.0 + 2.0 * t) * np.exp(-2.0 * t))])
+def test_a_line_is_as_late_behind_a_ramp_as_its_time_constant_says(law, left):
+    """Of first and of second order; after a step what is left is that of one or two volumes."""
+    lag, time = 0.05, 1e-3 * np.arange(1001)
+    bundle = Bundle('one', units(1), [mesh()]).with_effect(law, time_constant=lag)
+    per_pascal = bundle.force(0.0, [1.0])
+
+    def felt(pressure):
+        motion = Motion(np.zeros(1001), pressure[:, None], np.zeros(1001), time, time == 0)
+        return bundle.simulate(motion)[:, 0] / per_pascal
+    ramp = 2e5 * time
+    assert_allclose(ramp[-1] - felt(ramp)[-1], 2e5 * lag, rtol=1e-6)
+    # a step within one sample is a ramp about half a sample before its end
+    after = time[101:200] - time[100] + 0.5e-3
+    step = np.where(time < 0.1, 0.0, 1e5)
+    assert_allclose(1e5 - felt(step)[101:200], 1e5 * left(after / lag), atol=100.0)
+
+
 def test_relaxation_is_that_of_a_standard_linear_solid():
     """A step of force decays by 1 - 1/e of its excess within one time constant."""
     bundle = Bundle('one', units(1), [mesh()]).with_effect(
@@ -228,6 +248,23 @@ def test_softening_recovers_between_trials_or_not():
     assert_allclose(first, second, atol=1e-9)
     first, second = tube.with_effect('softening_lifetime').simulate(motion).reshape(2, 50)
     assert np.all(second[1:] > first[1:])
+
+
+@pytest.mark.parametrize(('law', 'lost'), [
+    ('softening_lifetime', lambda way: 1.0 - np.exp(-way)),
+    ('softening_gradual', lambda way: way / (1.0 + way))])
+def test_what_a_bladder_loses_goes_with_the_strain_it_has_travelled(law, lost):
+    """In units of ``travel``: exponentially, or by half, two thirds, three quarters."""
+    strain = np.tile(np.concatenate([np.linspace(0.0, 0.2, 21), np.linspace(0.19, 0.01, 19)]), 8)
+    count = len(strain)
+    motion = Motion(strain, np.zeros((count, 1)), np.zeros(count), 0.1 * np.arange(count),
+                    np.arange(count) == 0)
+    tube = Bundle('tube', units(1), [bladder_elasticity()])
+    soft = tube.with_effect(law, depth=0.4, travel=0.5).simulate(motion)[:, 0]
+    share = 1.0 - soft[20::40] / tube.simulate(motion)[20::40, 0]
+    travelled = 0.2 + 0.4 * np.arange(8)
+    # the play takes up to 0.4 % of the strain at each reversal
+    assert_allclose(share, 0.4 * lost(travelled / 0.5), rtol=0.03)
 
 
 def test_the_larger_of_two_limits_holds():

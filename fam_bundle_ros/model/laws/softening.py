@@ -21,10 +21,11 @@ def _worn(bladder, depth):
 _FAMILY: dict[str, Any] = {
     'family': 'softening', 'leaves': ('drift', 'drift_trial'), 'memory': ('centre', 'travelled'),
     'equilibrium': _worn, 'off': {'depth': 0.0},
-    'source': 'derived: exponential in strain travelled',
+    'source': 'derived: exponential or hyperbolic in strain travelled',
     'signature': 'the error shrinks from cycle to cycle at the same strain and pressure',
     'depth': Parameter(0.15, '1', 0.0, 0.8, 'share of the stiffness that is lost'),
-    'travel': Parameter(0.5, '1', 0.02, 10.0, 'strain travelled until 63 % of it is lost')}
+    'travel': Parameter(0.5, '1', 0.02, 10.0,
+                        'strain travelled until 63 % (hyperbolic: half) of it is lost')}
 
 
 @law('force', **_FAMILY, look=('green', 'dashdot'),
@@ -42,11 +43,24 @@ def softening(bladder, strain, start, centre, travelled, depth, travel):
     return depth * np.expm1(-way / travel) * bladder, path, way
 
 
+def _lifetime(strain, start, log_start, centre, travelled):
+    """Return the strain behind its play, and the strain travelled since the log began."""
+    path = play(centre, strain, _NOISE, start)
+    moved = np.where(start, 0.0, np.abs(path - before(centre, path)))
+    return path, affine(travelled, np.where(log_start, 0.0, 1.0), moved)
+
+
 @law('force', **_FAMILY, variant_of='softening', across_trials=True, look=('green', 'longdash'),
      summary='Mullins softening that stays from trial to trial')
 def softening_lifetime(bladder, strain, start, log_start, centre, travelled, depth, travel):
     """As `softening`, but the bladder does not recover: travel is counted over all trials."""
-    path = play(centre, strain, _NOISE, start)
-    moved = np.where(start, 0.0, np.abs(path - before(centre, path)))
-    way = affine(travelled, np.where(log_start, 0.0, 1.0), moved)
+    path, way = _lifetime(strain, start, log_start, centre, travelled)
     return depth * np.expm1(-way / travel) * bladder, path, way
+
+
+@law('force', **_FAMILY, variant_of='softening', across_trials=True, look=('green', 'dot'),
+     summary='Mullins softening that stays, fast at first and never quite complete')
+def softening_gradual(bladder, strain, start, log_start, centre, travelled, depth, travel):
+    """As `softening_lifetime`, but hyperbolic: F = -d F_bladder s/(s + s0)."""
+    path, way = _lifetime(strain, start, log_start, centre, travelled)
+    return -depth * way / (way + travel) * bladder, path, way
