@@ -163,6 +163,9 @@ class Finding:
         Sentences; refusals are the reasons why effects that fit are not named.
     artefacts : tuple of Artefact
         Their words are also among the warnings.
+    faint : float, N
+        Size of a smooth discrepancy that the evidence needs but that is below half the noise of a
+        row; 0 for none.
     """
 
     verdict: str
@@ -172,6 +175,7 @@ class Finding:
     refusals: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     artefacts: tuple[Artefact, ...] = ()
+    faint: float = 0.0
 
     @property
     def named(self) -> bool:
@@ -209,6 +213,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     still = evidence_of_structure(fitter, chosen)
     explained = _explained(base, physics) if found else 0.0
     structured = is_structured(cells, still, after, inclusion)
+    faint = after.smooth if is_needed(still, inclusion) and not structured else 0.0
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held, _effect_of_pressure(fitter, null)) if found else ()
     if found and structured:
@@ -233,7 +238,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         rest = structured or after.total > negligible(cells)
         verdict = 'partial' if warnings or rest else 'missing_effect'
     return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
-                   warnings, tuple(artefacts))
+                   warnings, tuple(artefacts), faint)
 
 
 def _drifts(fitter: Fitter, fit: Fit) -> list[Artefact]:
@@ -247,6 +252,11 @@ def _drifts(fitter: Fitter, fit: Fit) -> list[Artefact]:
 
 
 def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bool:
+    """Return whether the data need a smooth discrepancy that is visible in the noise of rows."""
+    return is_needed(need, inclusion) and left.smooth > settings.VISIBLE * cells.noise
+
+
+def is_needed(need: float, inclusion: float) -> bool:
     """
     Return whether the data need a smooth discrepancy, with the same prior odds as an effect.
 
@@ -257,8 +267,7 @@ def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bo
     inclusion : float
         Prior probability that something is missing.
     """
-    return bool(need + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS
-                and left.smooth > settings.VISIBLE * cells.noise)
+    return bool(need + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS)
 
 
 def _explained(base: Fit, physics: Fit) -> float:

@@ -72,7 +72,10 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         Rms errors ``recalibrated`` and ``best``, and the noise floor ``noise``, N.
     """
     if finding.verdict == 'adequate':
-        return 'the model explains ' + _down_to('the data down to their noise', error)
+        faint = (f'; {finding.faint:.2g} N rms of a smooth shape are left, less than half the '
+                 'noise of a row: a smaller --unexplained searches for effects of this size'
+                 if finding.faint else '')
+        return 'the model explains ' + _down_to('the data down to their noise', error) + faint
     if finding.verdict == 'recalibrate':
         far = ', '.join(f'{p.key.partition(".")[2]} {u:+.1f}' for p, u in zip(
             base.priors, base.u) if abs(u) > 0.2)

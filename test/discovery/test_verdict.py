@@ -328,6 +328,23 @@ def test_evidence_for_what_predicts_nothing_is_no_clean_bill(search, likely, ope
     assert (finding.verdict == 'unexplained') == open_
 
 
+@pytest.mark.parametrize(('need', 'share', 'faint', 'verdict'), [
+    (50.0, 0.4, True, 'adequate'), (50.0, 0.6, False, 'unexplained'),
+    (2.0, 0.4, False, 'adequate')])
+def test_a_shape_within_the_noise_of_a_row_is_told_and_no_more(search, monkeypatch, need, share,
+                                                               faint, verdict):
+    """Where the evidence is sure of it; a visible one is unexplained."""
+    made = search(nothing=0.0)
+    size = share * made.fitter.cells.noise
+    monkeypatch.setattr(verdicts, 'evidence_of_structure', lambda fitter, fit: need)
+    monkeypatch.setattr(verdicts, 'remaining_discrepancy',
+                        lambda *given: verdicts.Left(size, 0.0, size))
+    monkeypatch.setattr(verdicts, '_needs_recalibration', lambda *given: False)
+    null = replace(made.null, hyper=Hyper(white=1), residual=0.0 * made.null.residual)
+    finding = judge(made.fitter, null, null, null, null, [], GOOD, [], 0.1, False)
+    assert (finding.verdict, finding.faint) == (verdict, size if faint else 0.0)
+
+
 @pytest.mark.parametrize(('structured', 'verdict'), [(True, 'unexplained'), (False, 'partial')])
 def test_a_bent_law_is_an_answer_only_down_to_the_noise(search, monkeypatch, structured, verdict):
     """What fits all there is may have an unusual value; with a drift beside it, it is partial."""

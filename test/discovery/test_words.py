@@ -135,6 +135,9 @@ def test_changes_and_models_are_named_by_what_was_changed():
 def test_a_model_that_is_right_or_off_in_its_dimensions_lacks_nothing():
     """What moved by a fifth of its tolerance is told, with its sign."""
     assert said('adequate') == 'the model explains the data down to their noise'
+    assert said('adequate', faint=0.21).endswith(
+        'their noise; 0.21 N rms of a smooth shape are left, less than half the noise of a row: '
+        'a smaller --unexplained searches for effects of this size')
     assert said('adequate', best=3.0) == (
         'the model explains all systematic error; 3 N rms without structure are left, above the '
         'noise floor of 0.59 N')
