@@ -262,3 +262,17 @@ def test_averaging_takes_vectors_and_columns_alike(problem):
     together = cells.mean(columns)
     for k in range(3):
         np.testing.assert_allclose(together[:, k], cells.mean(columns[:, k]))
+
+
+def test_each_row_that_is_not_used_is_counted_once_by_its_reason(make_sweeps, paper_muscle):
+    """Spikes, rows of unknown direction, and those of visits that are too many."""
+    data = make_sweeps()
+    force = data.force.copy()
+    force[[37, 437]] += 60.0
+    cells = reduce(paper_muscle, replace(data, force=force), most=60)
+    spiky, turning, further = cells.unused.values()
+    assert list(cells.unused)[2] == 'from visits beyond 60, evenly spread'
+    known = np.count_nonzero(unknown_direction(cells.data))
+    assert (spiky, turning) == (2, known)
+    assert spiky + turning + further == np.count_nonzero(cells.label < 0)
+    assert list(reduce(paper_muscle, data, most=10 ** 6).unused.values()) == [known]

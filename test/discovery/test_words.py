@@ -101,11 +101,15 @@ def test_an_experiment_is_told_by_what_the_answer_has_not(monkeypatch, labels, o
 
 def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatch):
     """Named effects are told as the answer, ties as ties; what is left is below one half."""
-    shares = {'end_caps': 0.99, 'coulomb_friction': 0.6, 'tendon_slack': 0.7, 'temperature': 0.4}
+    shares = {'end_caps': 0.99, 'coulomb_friction': 0.6, 'tendon_slack': 0.7, 'temperature': 0.4,
+              'softening': 0.97}
     posterior = SimpleNamespace(labels=lambda: list(shares), of_label=shares.get)
     monkeypatch.setattr(words, '_labels', lambda posterior, fit: ['end_caps'])
-    told, = words.not_named(posterior, None, ['tendon_slack'])
-    assert told.startswith('coulomb_friction is likelier than not (0.60)')
+    weak, other = words.not_named(posterior, None, ['tendon_slack'])
+    assert weak == ('coulomb_friction is likelier than not (0.60) but not named: the evidence for '
+                    'it is weak')
+    # odds above 20: it was taken out for another reason
+    assert other.startswith('softening is likelier than not (0.97) but not named: it does not')
 
 
 DRY, CAPS = Change('', 'coulomb_friction'), Change('', 'end_caps')
