@@ -268,7 +268,7 @@ def test_each_row_that_is_not_used_is_counted_once_by_its_reason(make_sweeps, pa
     """Spikes, rows of unknown direction, and those of visits that are too many."""
     data = make_sweeps()
     force = data.force.copy()
-    force[[37, 437]] += 60.0
+    force[[20, 420]] += 60.0
     cells = reduce(paper_muscle, replace(data, force=force), most=60)
     spiky, turning, further = cells.unused.values()
     assert list(cells.unused)[2] == 'from visits beyond 60, evenly spread'
