@@ -6,7 +6,8 @@ Check of a pressure reading against the air that the valve lets in.
 Valve and commands bound the possible pressure (ISO 6358). A reading outside the bounds by more
 than the margin between largest pressure and trip could hide a pressure above the trip. Slow
 changes may come from leaks, temperature or an inexact dead band: they are checked by the force
-(`agreement`). Nothing here depends on the setpoint. Above the largest pressure, an unexplained
+(`agreement`), and a reading that stays the same by a pulse of exhaust (`response`). Nothing here
+depends on the setpoint. Above the largest pressure, an unexplained
 rise is extrapolated to the time at which the valve can react: what would be above the trip by
 then is a fault now. Pressures are gauge; independent of ROS.
 """
@@ -15,12 +16,19 @@ from collections import deque
 from dataclasses import dataclass
 import math
 
-from fam_bundle_ros.control.safety import kilopascals, NO_RESPONSE, UNEXPLAINED_PRESSURE
+from fam_bundle_ros.control.response import ResponseWatch
+from fam_bundle_ros.control.safety import (
+    FROZEN,
+    kilopascals,
+    NO_RESPONSE,
+    UNEXPLAINED_PRESSURE,
+)
 from fam_bundle_ros.control.valve_learning import CONDUCTANCE_DOUBT, dead_band_doubt
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
     POLYTROPIC,
     pressure_rate,
+    valve_command,
     valve_flow,
     valve_opening,
     ValveFlow,
@@ -101,35 +109,22 @@ class Travel:
         Change of the pressure, up or down, that a working sensor must show.
     longest : float, s
         Longest interval between readings; a longer gap counts as this.
-    lag : float, s
-        Longest time from a reading to the reading that shows the effect of its command.
 
     Examples
     --------
-    >>> travel = Travel(50e3, 0.01, 0.02)
-    >>> [travel.see(0.01 * k, 200e3, 2e6) for k in range(5)]
-    [False, False, False, True, True]
-    >>> print(f'{travel.highest / 1e3:.0f} kPa')
-    261 kPa
-    >>> travel.see(0.05, 201e3, 2e6), travel.highest
-    (False, 201000.0)
+    >>> travel = Travel(50e3, 0.01)
+    >>> [travel.see(0.01 * k, 200e3, 2e6) for k in range(5)], travel.see(0.05, 201e3, 2e6)
+    ([False, False, False, True, True], False)
     """
 
-    def __init__(self, least: float, longest: float, lag: float):
-        self.least, self.longest, self.lag = least, longest, lag
+    def __init__(self, least: float, longest: float):
+        self.least, self.longest = least, longest
         self.begin()
 
     def begin(self) -> None:
         """Reset."""
         self._shown = self._time = math.nan
         self._moved, self._far = 0.0, False
-        #: Times and changes, of which the first is the last that the reading has to show.
-        self._past: deque[tuple[float, float]] = deque()
-
-    @property
-    def highest(self) -> float:
-        """Return the highest pressure, Pa, that the air since that change may give, less a lag."""
-        return self._shown + MOST * max(self._past[0][1] if self._past else 0.0, 0.0)
 
     def see(self, time: float, pressure: float, rate: float) -> bool:
         """
@@ -148,10 +143,6 @@ class Travel:
             self._far = self._far or abs(self._moved) > self.least
         else:
             self._moved, self._far = 0.0, False
-            self._past.clear()
-        self._past.append((time, self._moved))
-        while len(self._past) > 1 and self._past[1][0] <= time - self.lag:
-            self._past.popleft()
         self._shown, self._time = pressure, time
         return self._far
 
@@ -163,7 +154,8 @@ class InflowWatch:
     After `begin` a sensor is on trial: at most an eighth of a fill, and a sample more, is let in
     before the reading has responded (`holding`); a trial that fails is repeated once. From then
     on bounds follow the reading: the lowest and the highest pressure that valve, supply and
-    motion allow, for any delay from command to reading.
+    motion allow, for any delay from command to reading. A reading that stays the same while air
+    is let in is tested by pulses of exhaust (`ResponseWatch`).
 
     Parameters
     ----------
@@ -195,12 +187,15 @@ class InflowWatch:
 
     def __init__(self, name: str, config: InflowConfig):
         self.name = name
+        self._response = ResponseWatch(
+            config.noise, config.max_pressure + config.margin, MOST, config.lag, _PATIENCE, _SLOW)
         self.change(config)
         self.begin()
 
     def change(self, config: InflowConfig) -> None:
         """Replace the settings."""
         self.config, valve = config, config.valve
+        self._response.lag, self._response.noise = config.lag, config.noise
         doubt = dead_band_doubt(valve.dead_band)
         self._wide, self._narrow = (
             ValveFlow(valve.conductance, valve.critical_ratio, band)
@@ -222,7 +217,17 @@ class InflowWatch:
         self._below = self._above = 0
         #: Pa: the largest rise since the reading before that the valve allows.
         self._rise = 0.0
+        #: Pa/s: rate of the last command, by the loop's own models.
+        self._expected = 0.0
+        self._response.begin()
         self._begin_trial()
+
+    @property
+    def forced(self) -> float | None:
+        """Command that takes the place of the loop's; None for none."""
+        if self._response.pulse:
+            return self._pulse
+        return 0.0 if self.holding or self._response.testing else None
 
     def _begin_trial(self) -> None:
         self.holding = False
@@ -231,9 +236,14 @@ class InflowWatch:
         self._let_in = self._surely = 0.0
         self._held_since = self._trial_since = 0.0
 
-    def commanded(self, command: float) -> None:
-        """Record the command computed from the last reading."""
+    def commanded(self, command: float, expected: float = 0.0) -> None:
+        """
+        Record the command computed from the last reading.
+
+        ``expected`` is the pressure rate (Pa/s) by the loop's models, which learn the valve.
+        """
         self._commands.append((self._clock, command))
+        self._expected = expected
 
     def see(self, time: float, pressure: float, volume: float | tuple[float, float],
             supply: float = math.nan, gap: float = 0.0) -> tuple[str, str]:
@@ -285,6 +295,9 @@ class InflowWatch:
         trial = '' if self.trusted else self._judge_trial(surely, pressure, small, swept, source)
         heading = self._heading(dt, pressure)
         self._before = pressure
+        silent = self._judge_response(dt, pressure, small, large, swept, source, held_up)
+        if silent:
+            return FROZEN, silent
         if trial:
             return NO_RESPONSE, trial
         if self._below >= _CONFIRM:
@@ -331,6 +344,13 @@ class InflowWatch:
         flow = valve_flow(config.valve, opening, absolute, source + config.ambient,
                           config.ambient)
         return pressure_rate(absolute, volume, 0.0, (MOST if wide else LEAST) * flow)
+
+    def _nominal(self, command: float, pressure: float, volume: float, source: float) -> float:
+        """Return the pressure rate of a command by the valve's data, Pa/s."""
+        valve, ambient = self.config.valve, self.config.ambient
+        absolute = max(pressure, 0.0) + ambient
+        return pressure_rate(absolute, volume, 0.0, valve_flow(
+            valve, valve_opening(valve, command), absolute, source + ambient, ambient))
 
     def _motion(self, pressure: float, volume: float, swept: float, highest: bool) -> float:
         """Return the highest or lowest pressure change (Pa) by a volume change ``swept`` (m^3)."""
@@ -408,10 +428,7 @@ class InflowWatch:
         self._surely += (dt * self._rate(command, pressure, volume, source, False)
                          + self._motion(pressure, volume, swept, False))
         if command > 0.0:
-            valve, absolute = config.valve, max(pressure, 0.0) + config.ambient
-            opening = valve_opening(valve, command)
-            self._let_in += dt * pressure_rate(absolute, volume, 0.0, valve_flow(
-                valve, opening, absolute, source + config.ambient, config.ambient))
+            self._let_in += dt * self._nominal(command, pressure, volume, source)
             self._held_since = self._clock
         self.holding = self.holding or self._let_in >= _TRIAL * config.max_pressure
         if not self.holding:
@@ -432,4 +449,26 @@ class InflowWatch:
                         f'{kilopascals(self._start + expected)} or more')
             self._failed = True
             self._begin_trial()
+        return ''
+
+    def _judge_response(self, dt: float, pressure: float, small: float, large: float,
+                        swept: float, source: float, held_up: bool) -> str:
+        """Return the fault of a reading that stays the same as text, empty if there is none."""
+        config, response = self.config, self._response
+        command = self._commands[-1][1] if self._commands else -1.0
+        rate = self._nominal(command, pressure, small, source)
+        if command > 0.0:
+            # From a reading that does not respond the loop learns a dead band that is too wide.
+            rate = self._expected + response.doubt * max(rate - self._expected, 0.0)
+        absolute = max(pressure, 0.0) + config.ambient
+        rise = min(dt, _WATCHDOG) * rate - POLYTROPIC * absolute * swept / small
+        if response.see(self._clock, pressure, rise, held_up):
+            return (f'{self.name} shows {kilopascals(pressure)} whether air is let in, enough for '
+                    f'up to {kilopascals(response.suspected)}, or out: a plugged port, the end of '
+                    "the sensor's range, or a valve that sticks")
+        if response.pulse:
+            # In one interval it lowers the reading by more than noise explains, with any valve.
+            fall = 2.0 * config.noise / max(config.period, _INTERVAL)
+            full = LEAST * self._nominal(-1.0, pressure, large, source)
+            self._pulse = valve_command(self._narrow, max(fall / min(full, -1.0), -1.0))
         return ''

@@ -34,6 +34,9 @@ _CHANNELS = ('channels: force, strain, supply, mu1/pressure, ...; all for every 
 _OF_CHANNELS = (
     ('dropout', 'nan', f'show nan, {_CHANNELS}', ''),
     ('frozen', 'frozen', 'repeat their last reading', ''),
+    ('plugged', 'plugged', 'show their last reading with its noise, as behind a plugged port', ''),
+    ('range_end', 'range_end', "highest reading, the end of the sensor's range",
+     'mu1/pressure=340e3'),
     ('gain', 'gain', 'factor on a reading', 'force=0.5'),
     ('offset', 'offset', 'added to a reading, in its unit', 'mu1/pressure=-50e3'),
     ('drift', 'drift', 'added to a reading per second', 'mu1/pressure=-20e3'),

@@ -23,7 +23,6 @@ from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.plausibility import GENTLE, Travel
 from fam_bundle_ros.control.safety import (
     Change,
-    FROZEN,
     Guard,
     Health,
     kilopascals,
@@ -94,7 +93,7 @@ class PressurePidNode(BundleNode):
             max_latency=self.max_latency, below=GAUGE))
         self._air = Air(self, bundle, self.unit, self.pid.config)
         inflow = self._air.inflow.config
-        self._travel = Travel(inflow.margin, 2.0 / p['rate'], inflow.lag)
+        self._travel = Travel(inflow.margin, 2.0 / p['rate'])
         self._permission = Permission(math.inf if self.lock_step
                                       else max(TIMEOUT, p['sensor_timeout']))
         self._setpoint: tuple[int, float] | None = None
@@ -298,7 +297,7 @@ class PressurePidNode(BundleNode):
             self._off.see(self._now(stamp), self.pid.state.shown.followed_setpoint - pressure,
                           _NOTABLE)
         if new:
-            self._air.inflow.commanded(self._command)
+            self._air.inflow.commanded(self._command, self._rate)
         # Messages take no time in lock-step: the supply is cut before the rig's next step. If no
         # node cuts it, the rig sends its sample again.
         self._withheld = (self.lock_step and self._guard.latched and not latched
@@ -347,7 +346,7 @@ class PressurePidNode(BundleNode):
             return -1.0 if guard.latched else self._hold(
                 now, f'mu{self.unit} waits for the supply: {reason}')
         guard.enter(now, State.ACTIVE)
-        return 0.0 if self._air.inflow.holding else None
+        return self._air.inflow.forced
 
     def _look_for_latches(self, now: float, pressure: float | None) -> None:
         """Latch for over-pressure, or for a cause of the sensor watch."""
@@ -357,12 +356,6 @@ class PressurePidNode(BundleNode):
                               f'above {kilopascals(limit)}')
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
-        # `stuck_time` is given only to a reading that cannot hide a pressure above the trip.
-        highest = self._travel.highest
-        if pressure is not None and highest > limit and self.p['stuck_time'] > 0.0:
-            self._guard.latch(now, FROZEN, f'mu{self.unit} has shown exactly '
-                              f'{kilopascals(pressure)} while air for up to '
-                              f'{kilopascals(highest)} was let in, above {kilopascals(limit)}')
 
     def _hold(self, now: float, reason: str) -> float:
         last = self._guard.now
@@ -403,7 +396,6 @@ class PressurePidNode(BundleNode):
             return
         self.pid.gains, self.pid.config = self._settings()
         self._air.change(self.pid.config)
-        self._travel.lag = self._air.inflow.config.lag
 
     def _report(self, report: Report) -> None:
         self._pressure_meter.report(report, 'pressure')

@@ -51,6 +51,10 @@ class Faults:
     #: Channels that show nan; that repeat their last reading.
     dropout: set[str] = field(default_factory=set)
     frozen: set[str] = field(default_factory=set)
+    #: Channels that show their last reading with their noise, as behind a plugged port.
+    plugged: set[str] = field(default_factory=set)
+    #: Highest reading, the end of a sensor's range, to which its noise is added.
+    range_end: dict[str, float] = field(default_factory=dict)
     #: Factor on the noise of every channel.
     noise_factor: float = 1.0
     #: Messages: channels that are not sent; delay in s, with the stamp of the reading; share
@@ -128,6 +132,9 @@ class FaultRecord:
     lost: list[int]
     held: list[int]
     skipped: list[float]
+    #: 1 for a channel that repeats its last reading with noise; highest reading without noise.
+    plugged: list[int]
+    range_end: list[float]
     #: Index of the channel that is shown, delay (s), and the longest delay.
     reading_of: list[int]
     delay: list[float]
@@ -177,6 +184,8 @@ def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
         lost=[int(name in faults.dropout) for name in names],
         held=[int(name in faults.frozen or name in faults.silent) for name in names],
         skipped=each(faults.lost, 0.0),
+        plugged=[int(name in faults.plugged) for name in names],
+        range_end=each(faults.range_end, math.inf),
         reading_of=[names.index(name) for name in _exchange(names, faults.exchanged)],
         delay=[float(value) for value in delay], longest=float(max(delay)),
         gain=[float(faults.gain.get(name, 1.0)) * _in_unit(name, faults.units.get(name))
@@ -185,7 +194,8 @@ def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
         spike=each(faults.spike, 0.0), noise_factor=float(faults.noise_factor))
     record.spoilt = any((
         faults.dropout, faults.frozen, faults.silent, faults.late, faults.lost, faults.exchanged,
-        faults.delay, faults.units, faults.gain, faults.offset, faults.drift, faults.spike))
+        faults.delay, faults.units, faults.gain, faults.offset, faults.drift, faults.spike,
+        faults.plugged, faults.range_end))
     return record
 
 

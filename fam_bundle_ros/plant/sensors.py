@@ -180,6 +180,9 @@ class SensorState:
     held_up: DelayLine
     since: list[float]
     spikes: list[float]
+    #: Noise of the last sample; reading at which a plugged channel stays, nan for none.
+    noise: list[float]
+    plugged: list[float]
 
     @classmethod
     def fresh(cls, channels: int) -> 'SensorState':
@@ -187,7 +190,7 @@ class SensorState:
         return cls([math.nan] * channels, [math.nan] * channels, math.nan, 0.0, math.nan,
                    math.nan, 0.0, [0.0] * channels, [0.0] * channels, [0.0] * channels, math.nan,
                    DelayLine.empty(channels), DelayLine.empty(channels), [math.nan] * channels,
-                   [0.0] * channels)
+                   [0.0] * channels, [0.0] * channels, [math.nan] * channels)
 
 
 def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, normal: Any,
@@ -218,7 +221,8 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, n
         value = config.gain[i] * value + config.offset[i] + config.drift[i] * time
         if i == FORCE:
             value -= state.tare
-        value += config.bias[i] + faults.noise_factor * config.noise[i] * normal[i]
+        state.noise[i] = faults.noise_factor * config.noise[i] * normal[i]
+        value += config.bias[i] + state.noise[i]
         step = config.resolution[i]
         if step > 0.0:
             value = step * ((value / step + _ROUNDER) - _ROUNDER)
@@ -229,6 +233,7 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, n
         state.held_up.size = 0
         for i in range(len(true)):
             state.shown[i], state.since[i] = state.sound[i], math.nan
+            state.plugged[i] = math.nan
     filter_rate(config, state, time)
 
 
@@ -254,6 +259,14 @@ def spoil(faults: Any, state: Any, time: float, chance: Any) -> None:
         if faults.delay[i] > 0.0:
             line = state.held_up
             value = line.values[(line.head + find(line, time - faults.delay[i])) % PLACES][source]
+        if value > faults.range_end[i] + state.noise[source]:
+            value = faults.range_end[i] + state.noise[source]
+        if faults.plugged[i] == 0:
+            state.plugged[i] = math.nan
+        else:
+            if math.isnan(state.plugged[i]):
+                state.plugged[i] = value - state.noise[source]
+            value = state.plugged[i] + state.noise[source]
         if faults.drift[i] == 0.0 and faults.spike[i] == 0.0:
             state.since[i] = math.nan
         elif math.isnan(state.since[i]):

@@ -284,9 +284,9 @@ class Loop:
                     cause, text = OVER_PRESSURE, f'{pressure[i]} Pa'
                 if cause and not self.cause:
                     self.cause, self.text = cause, text
-                if self.watches[i].holding:
+                command = self.watches[i].forced
+                if command is not None:
                     self.loops[i].reset()
-                    command = 0.0
                 else:
                     command = self.loops[i].update(setpoint(self.time)[i], pressure[i], PERIOD,
                                                    None, float(volume[i]),

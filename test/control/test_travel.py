@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A reading that stands still while a loop hunts about it, and sound ones that stand still too."""
 
-from dataclasses import replace
 import math
 
 import pytest
@@ -11,19 +10,18 @@ from fam_bundle_ros.control.plausibility import Travel
 from fam_bundle_ros.control.safety import FROZEN, SensorWatch, WatchConfig
 
 PERIOD = 5e-3
-LARGEST, TRIP = 345e3, 396e3
 
 
-def watched(unit, setpoint, shown, duration, trip=math.inf):
+def watched(unit, setpoint, shown, duration):
     """Run a chamber whose gauge shows `shown(pressure)`; return watch and rows of numbers."""
     watch = SensorWatch('mu1 pressure', 'Pa', WatchConfig(-50e3, 1.6e6, stuck_time=0.5))
-    travel, rows = Travel(52e3, 2.0 * PERIOD, 2.0 * PERIOD), []
+    travel, rows = Travel(52e3, 2.0 * PERIOD), []
     for _ in range(round(duration / PERIOD)):
         reading = shown(unit.pressure)
         watch.see(unit.time, reading, travel.see(unit.time, reading,
                                                  unit.pid.state.shown.expected_rate))
-        rows.append((unit.time, unit.pressure, travel.highest))
-        if watch.cause or travel.highest > trip:
+        rows.append((unit.time, unit.pressure))
+        if watch.cause:
             break
         command = unit.pid.update(setpoint(unit.time), reading, PERIOD, unit.supply, unit.volume)
         for _ in range(50):
@@ -47,29 +45,6 @@ def test_a_frozen_reading_is_found_where_the_loop_hunts_about_it(chamber):
     assert max(pressure) - min(pressure) > 52e3
 
 
-@pytest.mark.parametrize('since', [200e3, 300e3, 330e3])
-@pytest.mark.parametrize('stronger', [0.7, 1.0, 1.3])
-def test_a_frozen_reading_is_found_when_the_pressure_reaches_the_trip(chamber, since, stronger):
-    """It stops while the muscle fills to its largest pressure, by a valve of 30 % more or less."""
-    unit = chamber(pressure=since, period=PERIOD)
-    unit.valve = replace(unit.valve, conductance=stronger * unit.valve.conductance)
-    _, rows = watched(unit, lambda time: LARGEST, lambda pressure: since, 2.0, TRIP)
-    assert rows[-1][2] > TRIP
-    # The bound is that of the commands which the reading has to show by now, a lag ago.
-    assert rows[-4][1] < TRIP
-
-
-@pytest.mark.parametrize('setpoint', [
-    lambda time: 130e3 + hunting(time), lambda time: LARGEST, lambda time: 343e3,
-    lambda time: LARGEST if time % 1.0 < 0.5 else 100e3])
-@pytest.mark.parametrize('rig', [{}, {'leak': 1.0}, {'dead_band': 0.07}, {'dead_band': 0.02}])
-def test_a_sound_gauge_near_the_largest_pressure_is_not_above_the_trip(chamber, setpoint, rig):
-    """In steps of 5 kPa without noise; it stands still only while little air is let in."""
-    unit = chamber(pressure=200e3, period=PERIOD, **rig)
-    _, rows = watched(unit, setpoint, lambda pressure: round(pressure / 5e3) * 5e3, 2.5, TRIP)
-    assert rows[-1][0] > 2.4
-
-
 @pytest.mark.parametrize('setpoint', [
     hunting, lambda time: 200e3, lambda time: 200e3 + 1e3 * time,
     lambda time: 200e3 + 1e3 * math.sin(2.0 * math.pi * time)])
@@ -83,7 +58,7 @@ def test_a_sound_gauge_without_noise_is_not_taken_for_a_frozen_one(chamber, setp
 
 def test_down_counts_as_up_and_a_gap_for_no_more_than_two_samples():
     """After a second without readings nothing is known of what the valve did."""
-    travel = Travel(50e3, 0.01, 0.02)
+    travel = Travel(50e3, 0.01)
     assert [travel.see(0.01 * k, 200e3, -2e6) for k in range(4)] == [False, False, False, True]
-    travel = Travel(50e3, 0.01, 0.02)
+    travel = Travel(50e3, 0.01)
     assert [travel.see(1.0 * k, 200e3, 1e6) for k in range(6)] == [False] * 6

@@ -21,7 +21,7 @@ def make(bundle):
     """Return a function that makes a rig with ideal sensors, filled, and then with faults."""
     def rig(faults=None, filled=FILLED, **config):
         made = Rig(bundle, RigConfig(load=Dynamometer(strain=0.1),
-                                     sensors=SensorConfig.ideal(), **config))
+                                     **{'sensors': SensorConfig.ideal(), **config}))
         for _ in range(120):
             error = (np.array(filled) - made.truth.pressure) / 100e3
             made.step(np.clip(np.where(abs(error) > 1e-3, np.sign(error) * 0.04 + 0.3 * error,
@@ -73,6 +73,32 @@ def test_frozen_reading_repeats_the_last_one_until_repaired(make, faults):
     rig.faults = Faults()
     reading = rig.step([0.0, 0.0], DT)
     assert reading.pressure[0] == pytest.approx(rig.truth.pressure[0])
+
+
+def test_plugged_reading_stays_and_has_its_noise(make):
+    """The pressure at the sensor stays, the noise of its amplifier goes on."""
+    rig = make(sensors=SensorConfig(pressure_noise=300.0, pressure_resolution=0.0))
+    before = rig.truth.pressure[0]
+    rig.faults = Faults(plugged={'mu1/pressure'})
+    pairs = filling(rig, 60, (0.06, 0.0))
+    shown = np.array([reading.pressure[0] for reading, _ in pairs])
+    assert np.mean(shown) == pytest.approx(before, abs=1e3)
+    assert np.std(shown) == pytest.approx(300.0, rel=0.3)
+    assert pairs[-1][1].pressure[0] > before + 50e3
+    rig.faults = Faults()
+    assert rig.step([0.0, 0.0], DT).pressure[0] == pytest.approx(rig.truth.pressure[0], abs=2e3)
+
+
+def test_range_of_a_sensor_ends_in_noise(make):
+    """It shows what is true up to the end of its range, and that end above, each with noise."""
+    rig = make(Faults(range_end={'mu1/pressure': 50e3}), [20e3, 20e3],
+               sensors=SensorConfig(pressure_noise=300.0, pressure_resolution=0.0))
+    pairs = filling(rig, 100, (0.06, 0.0))
+    true, shown = (np.array([one.pressure[0] for one in column]) for column in zip(
+        *((truth, reading) for reading, truth in pairs)))
+    assert np.abs(shown - true)[true < 48e3] == pytest.approx(0.0, abs=1.5e3)
+    assert np.mean(shown[true > 52e3]) == pytest.approx(50e3, abs=100.0)
+    assert np.std(shown[true > 52e3]) == pytest.approx(300.0, rel=0.2)
 
 
 def test_delayed_reading_shows_what_was(make):
