@@ -229,7 +229,8 @@ class Oversight:
     def _look_for_loss(self) -> None:
         """Latch after a loss so long that pressure must not return by itself."""
         now, patience = self._clock(), self._node.p['resume_within']
-        lost = [watch.reason for watch in self.watches if watch.health == Health.VENT]
+        lost = [watch.reason for watch in self.watches
+                if watch.health in (Health.WAITING, Health.VENT)]
         if self._lost_readings.see(now, bool(lost), patience):
             self.latch(LOST, f"{'; '.join(lost)}: vented for {patience:g} s in all")
         if trouble := self.loops.troubled(patience):
@@ -279,6 +280,9 @@ class Oversight:
                                                        self.e_stop.doubt) if part))
         elif node.p['e_stop_required'] and (unheard := self.e_stop.unheard()):
             reasons.append(f'{unheard} (for a rig without one: e_stop_required false)')
+        if not node.lock_step:
+            reasons += [watch.reason for watch in self.watches[:2]
+                        if watch.health == Health.WAITING]
         silent = self.loops.silent(self._patience)
         for unit, pressure in enumerate(self.pressure):
             watch, limit = self.watches[2 + unit], self._trip(unit)

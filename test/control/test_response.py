@@ -12,7 +12,7 @@ from fam_bundle_ros.control import PidConfig
 from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
 from fam_bundle_ros.control.response import ResponseWatch
 from fam_bundle_ros.control.safety import FROZEN, NO_RESPONSE
-from fam_bundle_ros.model.pneumatics import ValveFlow
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE, flow_for, ValveFlow
 
 PERIOD = 5e-3
 LARGEST, TRIP, BURST = 344.7e3, 396e3, 500e3
@@ -123,6 +123,21 @@ def test_lines_far_narrower_than_their_data_are_no_frozen_reading(chamber):
     """A third of the flow in both directions: each pulse lowers the pressure by less."""
     run = Run(chamber, at_the_largest, noisy(350.0), 8.0, conductance=0.33, leak=0.1)
     assert run.cause in ('', NO_RESPONSE)
+
+
+def test_air_that_follows_the_motion_of_a_muscle_is_no_reason_for_a_test():
+    """The pressure is the same while 40 % of the volume come and go within 4 s."""
+    config = InflowConfig(ValveFlow(), 600e3, LARGEST, TRIP - LARGEST, 0.022, PERIOD, 3.2e3)
+    watch, supply = InflowWatch('mu1', config), 600e3 + ATMOSPHERE
+    for k in range(2000):
+        turn = 0.5 * math.pi * PERIOD * k
+        volume, rate = 19e-6 + 4e-6 * math.sin(turn), 2e-6 * math.pi * math.cos(turn)
+        assert watch.see(k * PERIOD, 344e3, volume) == ('', '')
+        assert watch.forced is None
+        absolute = 344e3 + ATMOSPHERE
+        flow = flow_for(absolute, volume, rate, 0.0)
+        full = config.valve.flow(math.copysign(1.0, flow), absolute, supply)
+        watch.commanded(config.valve.command(math.copysign(flow / full, flow)))
 
 
 def watched(rises, reading=lambda k: 340e3, **changes):
