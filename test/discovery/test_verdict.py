@@ -91,6 +91,9 @@ def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
     assert drift(fitter.covariance, replace(drifting, hyper=both._replace(slow=0))) == 0.0
     assert [each.words.split(' within')[0] for each in _drifts(fitter, drifting)] == [
         f'the error drifts by {size:.2g} N rms']
+    finding = judge(fitter, drifting, drifting, drifting, drifting, [], GOOD, [], 0.1, False)
+    assert finding.verdict == 'unexplained'
+    assert finding.artefacts == tuple(_drifts(fitter, drifting))
     # a share of the largest force that no gauge shows is none
     assert _drifts(fitter, replace(drifting, residual=0.9 * negligible(cells) / size * slow)) == []
 
