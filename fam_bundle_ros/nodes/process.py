@@ -230,6 +230,10 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
     if '-h' in argv[1:] or '--help' in argv[1:]:
         print(usage)
         return 0
+    # Imported here, as that module imports every node, and nodes import this module. It takes a
+    # second, in which no timer may run: EventsExecutor makes up for every call that is overdue, and
+    # each such call delays the next one by a period.
+    from fam_bundle_ros.nodes.known import refuse_unknown
     with StopSignals(restore=False) as signals:
         context = Context()
         spinner = None
@@ -237,8 +241,6 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
             _init(context, argv)
             nodes = make(context)
             spinner = Spinner(context, nodes)
-            # Imported here, as that module imports every node, and nodes import this module.
-            from fam_bundle_ros.nodes.known import refuse_unknown
             refuse_unknown(nodes)
             while not signals.received and context.ok():
                 spinner.spin()

@@ -46,7 +46,7 @@ class SupplyEnable:
         #: Whether a true was received since this node sends true.
         self._confirmed = False
         # In lock-step time may stand still.
-        self._timeout = math.inf if node.lock_step else timeout
+        self._timeout, self._period = (math.inf,) * 2 if node.lock_step else (timeout, PERIOD)
         self._say(False)
         if not node.lock_step:
             node.every(PERIOD, self.repeat)
@@ -60,8 +60,13 @@ class SupplyEnable:
             self._on_contradiction()
 
     def set(self, value: bool) -> None:
-        """Publish at once whether the supply may be open, if that has changed."""
-        if not self._lapsed() and value != self.value:
+        """
+        Publish whether the supply may be open: at once if that has changed, else when it is due.
+
+        After the executor was held up, its timer is silent for as long.
+        """
+        due = time.monotonic() - self._said >= self._period
+        if not self._lapsed() and (due or value != self.value):
             self._say(value)
 
     def repeat(self) -> None:

@@ -5,7 +5,9 @@
 import ast
 from importlib import import_module
 import inspect
+import os
 import signal
+import subprocess
 import sys
 
 import pytest
@@ -69,6 +71,21 @@ def test_killed_controller_leaves_no_pressure(graph, start):
     process.kill()
     process.wait()
     graph.until(lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
+
+
+def test_no_timer_runs_before_everything_is_imported(domain_id):
+    """The timers of a node that is made before a long import are silent for as long after it."""
+    program = """
+import sys
+from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.nodes.process import run
+def make(context):
+    raise InputError('known' if 'fam_bundle_ros.nodes.known' in sys.modules else 'unknown')
+sys.exit(run(make, '', ['node']))
+"""
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                          env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, check=False)
+    assert (done.returncode, done.stderr) == (2, 'node: known\n')
 
 
 def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):

@@ -356,6 +356,16 @@ def test_a_leave_that_has_lapsed_is_said_again_by_enable_only(graph, first):
     assert [round(silence) for silence in lapses] == [2]
 
 
+def test_permission_for_the_supply_is_repeated_with_the_samples(graph):
+    """It does not lapse while the timer of an executor that was held up is silent."""
+    node = graph.add(BundleNode('owner', (), context=graph.context))
+    node.every = lambda period, callback: None
+    supply = SupplyEnable(node, lambda silence: None)
+    said = graph.listen('supply_enable', Bool, interface.RELIABLE)
+    graph.until(lambda: supply.set(True) or len(said) > 3, 'more than one message')
+    assert said[-1].data
+
+
 def test_two_controllers_of_one_rig_do_not_take_turns(graph, rig):
     """One that says the supply must be shut ends the other, and says why."""
     rig = rig()
