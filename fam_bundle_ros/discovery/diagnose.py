@@ -140,6 +140,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         held_out=held, recommended=recommended, leftover=leftover,
         leftover_before=before, likely=tuple(posterior.likely(joint.names)), traded=trades,
         ladder=_ladder(search, answer, error, base, held, beyond),
+        artefacts=tuple(artefact.words for artefact in finding.artefacts),
         seconds=time.perf_counter() - begun)
 
 

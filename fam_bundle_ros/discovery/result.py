@@ -191,6 +191,8 @@ class Diagnosis(Told):
     held_out : HeldOut
         Cross-validation errors.
     recommended : Recommended
+    artefacts : tuple of str
+        Errors of how the data were taken, such as a drift, which no effect explains.
     leftover, leftover_before : Leftover
         Maps of the discrepancy of the best model, and of the recalibrated model as given.
     likely : tuple of LikelySet
@@ -231,6 +233,7 @@ class Diagnosis(Told):
     likely: tuple[LikelySet, ...]
     traded: tuple[Trade, ...] = ()
     ladder: list[dict[str, Any]] = field(default_factory=list)
+    artefacts: tuple[str, ...] = ()
     seconds: float = 0.0
     next_protocol: Protocol | None = None
 
@@ -288,7 +291,7 @@ class Diagnosis(Told):
             'noise': self.noise.to_dict(), 'error_N': dict(self.error_N),
             'effects': list(self.effects), 'shapes': list(self.shapes),
             'replaced': dict(self.replaced), 'removed': list(self.removed),
-            'recommended': self.recommended.to_dict(),
+            'recommended': self.recommended.to_dict(), 'artefacts': list(self.artefacts),
             'ranking': [entry.to_dict() for entry in self.ranking],
             'sets': [each.to_dict() for each in self.likely],
             'tied': [list(group) for group in self.tied]

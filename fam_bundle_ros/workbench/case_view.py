@@ -90,8 +90,9 @@ class CaseView:
             'missing_effect': f'Found: {names}.',
             'partial': f'Found in part: {names}. Its shape is not quite right.',
             'recalibrate': 'No effect is missing; the parameters of the model are inaccurate.',
-            'adequate': 'Nothing is missing: the model explains the data down to their noise.',
-            'unexplained': 'Something is missing that the catalogue does not have.',
+            'adequate': parts.sentence(f'nothing is missing: {found.summary}'),
+            'unexplained': parts.sentence('; '.join(found.artefacts)) if found.artefacts else
+            'Something is missing that the catalogue does not have.',
         }[found.verdict]
 
     def _next(self) -> None:

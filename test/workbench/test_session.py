@@ -3,6 +3,7 @@
 """A session knows the case, the ladder, the diagnosis and the selection, without a browser."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from fam_bundle_ros.data.grouping import reversals, rms
 from fam_bundle_ros.discovery import compare
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.workbench.case_view import CaseView
 from fam_bundle_ros.workbench.cases import EXAMPLES, load_example
 from fam_bundle_ros.workbench.session import Session, short
 
@@ -135,3 +137,18 @@ def test_nothing_open_is_said_plainly():
         Session().now  # noqa: B018
     with pytest.raises(InputError, match='nothing is open'):
         Session().data  # noqa: B018
+
+
+@pytest.mark.parametrize(('verdict', 'artefacts', 'summary', 'said'), [
+    ('adequate', (), 'the model explains all systematic error; 2 N rms are left',
+     'Nothing is missing: the model explains all systematic error; 2 N rms are left.'),
+    ('unexplained', ('the error drifts by 2 N rms',), 'the error drifts by 2 N rms',
+     'The error drifts by 2 N rms.'),
+    ('unexplained', (), 'it looks like this: a bump',
+     'Something is missing that the catalogue does not have.')])
+def test_the_headline_of_a_diagnosis_is_no_more_than_it_says(verdict, artefacts, summary, said):
+    """A drift of the load cell is nothing that the catalogue lacks."""
+    found = SimpleNamespace(verdict=verdict, artefacts=artefacts, summary=summary, effects=(),
+                            replaced={}, removed=())
+    session = SimpleNamespace(diagnosis=found, steps=[None], diagnosed_at=1)
+    assert CaseView._said(SimpleNamespace(session=session)) == said
