@@ -229,7 +229,8 @@ def _parameters(specs: Any) -> str:
         return '' if isinstance(spec.default, (bool, str)) else f'{spec.low:g} to {spec.high:g}'
 
     return _rows(('parameter', 'default', 'range', 'running', 'meaning'), (
-        (f'`{s.name}`', default(s), bounds(s), 'yes' if s.dynamic else '', s.text)
+        (f'`{s.name}`', default(s), bounds(s),
+         'while off' if s.at_rest else 'yes' if s.dynamic else '', s.text)
         for s in specs))
 
 

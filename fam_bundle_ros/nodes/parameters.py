@@ -47,6 +47,8 @@ class Spec:
         Whether it may change while the node runs.
     guards : bool
         Whether it is a safety limit: while the node acts it may only be lowered.
+    at_rest : bool
+        Whether it changes only while the node does not act: to apply it takes too long.
     zero_is_off : bool
         0 switches such a limit off, and counts as the largest value.
     """
@@ -59,6 +61,7 @@ class Spec:
     choices: tuple[str, ...] = ()
     dynamic: bool = False
     guards: bool = False
+    at_rest: bool = False
     zero_is_off: bool = False
 
     @property
@@ -162,6 +165,9 @@ class Parameters(dict[str, Any]):
                         raise InputError(f'parameter {name} is a limit: while the node acts it '
                                          f'may be lowered from {self[name]:g} and not set to '
                                          f'{value:g}; switch off first')
+                    if acting() and self.specs[name].at_rest and value != self[name]:
+                        raise InputError(f'parameter {name} changes only while the node does not '
+                                         'act, as that takes half a second; switch off first')
                 check({**self, **new})
             except InputError as error:
                 return SetParametersResult(successful=False, reason=str(error))
@@ -188,7 +194,8 @@ def table(specs: Sequence[Spec]) -> str:
         else:
             default = str(spec.default)
         bounds = '' if isinstance(spec.default, (bool, str)) else f' [{spec.low:g}..{spec.high:g}]'
-        kind = 'changes while running' if spec.dynamic else 'at start'
+        kind = ('changes while off' if spec.at_rest else
+                'changes while running' if spec.dynamic else 'at start')
         lines.append(f'  {spec.name} = {default}{bounds} ({kind})')
         lines.append(f"      {spec.text}{': ' + ', '.join(spec.choices) if spec.choices else ''}")
     return '\n'.join(lines)

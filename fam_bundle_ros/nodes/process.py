@@ -231,8 +231,8 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
         print(usage)
         return 0
     # Imported here, as that module imports every node, and nodes import this module. It takes a
-    # second, in which no timer may run: EventsExecutor makes up for every call that is overdue, and
-    # each such call delays the next one by a period.
+    # second, in which no timer may run: EventsExecutor makes up for every call that is overdue,
+    # and each such call delays the next one by a period.
     from fam_bundle_ros.nodes.known import refuse_unknown
     with StopSignals(restore=False) as signals:
         context = Context()

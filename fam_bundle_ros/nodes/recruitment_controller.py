@@ -153,7 +153,7 @@ class RecruitmentNode(BundleNode):
             if reference := sample.extra.get('reference'):
                 self._reference.take(reference, self._now())
             self._decide(sample, dt)
-        if self.lock_step:
+        else:
             self._supply.repeat()
         self._publish(sample.stamp)
 

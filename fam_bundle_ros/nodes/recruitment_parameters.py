@@ -42,7 +42,9 @@ def _outer_spec(name: str, unit: str, high: float) -> Spec:
         return Spec(f'outer.{name}', -1.0, f'of the outer loop, {unit}; -1: computed', -1.0,
                     high, dynamic=True)
     return Spec(f'outer.{name}', default, f'of the outer loop, {unit}',
-                1e-4 if name.endswith('time') else 0.0, high, dynamic=True)
+                1e-4 if name.endswith('time') else 0.0, high, dynamic=True,
+                # The gains of the strain loop follow from it.
+                at_rest=name == 'delay')
 
 
 SPECS = (
@@ -74,7 +76,7 @@ SPECS = (
       for name, unit, high in _BASELINE_FIELDS),
     *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}; '
            'all 0: the load is identified as it moves', 0.0, 1e6,
-           dynamic=True) for name, unit in _LOAD_FIELDS),
+           dynamic=True, at_rest=name != 'force') for name, unit in _LOAD_FIELDS),
     Spec('reference_timeout', 0.0, 'vent and delete the reference when it is older, s; 0 for '
          'never', 0.0, 3600.0, dynamic=True, guards=True, zero_is_off=True),
     Spec('ramp_down_time', 0.5, 'duration of the pressure ramp when switching off, s', 0.0, 60.0,

@@ -46,7 +46,7 @@ class SupplyEnable:
         #: Whether a true was received since this node sends true.
         self._confirmed = False
         # In lock-step time may stand still.
-        self._timeout, self._period = (math.inf,) * 2 if node.lock_step else (timeout, PERIOD)
+        self._timeout, self._period = (math.inf, 0.0) if node.lock_step else (timeout, PERIOD)
         self._say(False)
         if not node.lock_step:
             node.every(PERIOD, self.repeat)
@@ -65,13 +65,14 @@ class SupplyEnable:
 
         After the executor was held up, its timer is silent for as long.
         """
-        due = time.monotonic() - self._said >= self._period
-        if not self._lapsed() and (due or value != self.value):
+        if value == self.value:
+            self.repeat()
+        elif not self._lapsed():
             self._say(value)
 
     def repeat(self) -> None:
-        """Publish the value again; in lock-step with each answer, in wall time by a timer."""
-        if not self._lapsed():
+        """Publish the value again; in lock-step with each answer, in wall time when it is due."""
+        if not self._lapsed() and time.monotonic() - self._said >= self._period:
             self._say(self.value)
 
     def _lapsed(self) -> bool:

@@ -395,6 +395,25 @@ def test_limits_are_not_raised_while_it_acts(graph, rig):
     assert graph.set('recruitment_controller', over_pressure_factor=1.2)[0].successful
 
 
+def test_parameters_that_take_long_to_apply_wait_until_it_is_off(graph, rig):
+    """New gains of the strain loop would hold up the setpoints until both units are vented."""
+    rig = rig()
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    for name in ('load_model__stiffness', 'load_model__inertia', 'load_model__damping',
+                 'outer__delay'):
+        refused = graph.set('recruitment_controller', **{name: 0.3})[0]
+        assert 'only while the node does not act' in refused.reason
+    # the others apply at once
+    assert graph.set('recruitment_controller', load_model__force=1.0, margin=2.0,
+                     outer__still=0.3, policy='hysteresis', feedback=False)[0].successful
+    graph.spin(0.3)
+    assert rig.node._guard.word == 'ACTIVE'
+    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
+    assert graph.set('recruitment_controller', load_model__inertia=0.3)[0].successful
+    assert rig.node.controller.config.load.inertia == 0.3
+
+
 def test_every_pressure_loop_says_how_it_is(graph, rig):
     """One word, a cause and a reason, for who listens and for who comes late."""
     rig = rig(sine)
