@@ -60,22 +60,41 @@ class Meter:
         self._count = 0
         self._longest = 0.0
         self._since = time.monotonic()
+        #: Steady time of the message from which intervals are counted, s, and their number.
+        self._first: float | None = None
+        self._intervals = 0
 
     def tick(self) -> None:
         """Count a message."""
         now = time.monotonic()
         if self.last is not None:
             self._longest = max(self._longest, now - self.last)
+            self._intervals += 1
+        else:
+            self._first = now
         self.last = now
         self._count += 1
 
-    def report(self, report: Report, name: str) -> None:
-        """Add rate (Hz), age and longest gap (s) to a report and reset the counters."""
+    def report(self, report: Report, name: str, rate: float = 0.0) -> str:
+        """
+        Add rate (Hz), age and longest gap (s) to a report and reset the counters.
+
+        Messages that come at less than half of ``rate`` (Hz; 0 for any) are a warning: every
+        second sample is missing. Return that as text, empty for none.
+        """
         now = time.monotonic()
+        slow = ''
+        if self._first is not None and self.last is not None and self.last > self._first:
+            seen = self._intervals / (self.last - self._first)
+            if seen < 0.5 * rate:
+                slow = f'{name} comes at {seen:.0f} Hz, the parameter rate says {rate:g}'
+                report.add(WARN, slow)
+        self._first, self._intervals = self.last, 0
         report.value(f'{name} rate', self._count / max(now - self._since, 1e-6))
         report.value(f'{name} age', 'never' if self.last is None else now - self.last)
         report.value(f'{name} longest gap', self._longest)
         self._count, self._longest, self._since = 0, 0.0, now
+        return slow
 
 
 class Diagnostics:

@@ -398,7 +398,8 @@ class PressurePidNode(BundleNode):
         self._air.change(self.pid.config)
 
     def _report(self, report: Report) -> None:
-        self._pressure_meter.report(report, 'pressure')
+        self._pressure_meter.report(report, 'pressure',
+                                    0.0 if self.lock_step else self.p['rate'])
         self._setpoint_meter.report(report, 'setpoint')
         state = self.pid.diagnostics
         report.value('state', self._guard.word)

@@ -82,6 +82,8 @@ class RecruitmentNode(BundleNode):
         self._reference = MovingReference()
         #: State while there is no reference.
         self._without_reference = 'WAITING'
+        #: Why it is off, where that was not asked for; until it is enabled again.
+        self._why_off = ''
         self._off_target = OffTarget({
             'force': _REACHED_FORCE * float(self.bundle.blocked_force(self.bundle.max_pressure)),
             'strain': _REACHED_STRAIN})
@@ -262,7 +264,7 @@ class RecruitmentNode(BundleNode):
         self._supply.set(False)
 
     def _enable(self) -> None:
-        self._automatic, self._enabled = False, True
+        self._automatic, self._enabled, self._why_off = False, True, ''
         self._oversight.release()
 
     def _forget_reference(self, state: str = 'WAITING') -> None:
@@ -310,6 +312,8 @@ class RecruitmentNode(BundleNode):
         if self._enabled and self._answered >= 0:
             # Control does not resume by itself after an emergency stop.
             self._enabled = False
+            self._why_off = 'since an emergency stop, until enabled again'
+            self.get_logger().error('emergency stop: vented; off until enabled again')
             self._forget_reference()
         self._automatic = False
         self._supply.set(False)
@@ -376,8 +380,9 @@ class RecruitmentNode(BundleNode):
         now = self._guard.now
         if now.state is not State.ACTIVE:
             urgent = now.state is State.LATCHED or now.cause in ('E_STOP', 'SENSOR')
+            off = self._why_off if now.cause == 'OFF' else ''
             text = f'{now.reason}: off until enabled again' if self._guard.latched else (
-                self._oversight.unreadable)
+                '; '.join(filter(None, (off, self._oversight.unreadable))))
             report.add(ERROR if urgent else WARN, f'{self._guard.word} {text}'.strip())
         self._oversight.e_stop.report(report)
         report.value('model', self.bundle.name)

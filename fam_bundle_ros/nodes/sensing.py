@@ -28,6 +28,8 @@ from fam_bundle_ros.nodes.parameters import Spec
 
 #: Cut-off of the low-pass for the differentiated strain, Hz.
 _RATE_CUTOFF = 20.0
+#: Period of repeated warnings in the log, s; diagnostics have them every second.
+_REMIND = 60.0
 
 SPECS = (
     Spec('rate', 200.0, 'samples per second that the rig is expected to send', 1.0, 2000.0),
@@ -154,9 +156,11 @@ class Sensing:
             self._complete(silent=not self._fresh)
 
     def report(self, report: Report) -> None:
-        """Add rate and age of every channel."""
+        """Add rate and age of every channel; warn of one that is too slow."""
+        rate = 0.0 if self._node.lock_step else self._node.p['rate']
         for name, meter in self.meters.items():
-            meter.report(report, name)
+            if slow := meter.report(report, name, rate):
+                self._node.say(f'{name} rate', slow, _REMIND)
 
     # --- messages ------------------------------------------------------------------------------
 

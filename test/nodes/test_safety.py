@@ -18,6 +18,7 @@ import yaml
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.diagnostics import Report
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.supply_enable import SupplyEnable
@@ -290,6 +291,28 @@ def test_an_emergency_stop_that_nobody_publishes_any_more_ends_it(graph, rig):
     graph.probe.destroy_publisher(button)
     vented(graph, rig)
     assert 'e_stop has no publisher, for 0.3 s' in rig.node._guard.now.reason
+
+
+def test_an_emergency_stop_stays_in_log_and_diagnostics(graph, rig, capfd):
+    """A button that was pressed and released is the reason why nothing moves, until enable."""
+    rig = rig()
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    rig.node._oversight.e_stop.take(Bool(data=True))
+    rig.node._oversight.e_stop.take(Bool(data=False))
+    graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
+    assert 'OFF since an emergency stop, until enabled again' in said(rig.node)
+    assert capfd.readouterr().err.count('emergency stop: vented; off until enabled again') == 1
+    graph.until(lambda: enabled(graph)[0], 'enable')
+    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
+    assert 'emergency stop' not in said(rig.node)
+
+
+def said(node):
+    """Return the message of a node's diagnostics."""
+    report = Report()
+    node._report(report)
+    return '; '.join(report.messages)
 
 
 def test_enable_needs_an_emergency_stop_that_is_received(graph, rig):

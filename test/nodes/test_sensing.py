@@ -13,6 +13,7 @@ from std_msgs.msg import Bool
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
+from fam_bundle_ros.nodes.diagnostics import Report
 
 
 def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
@@ -77,3 +78,19 @@ def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):
         orders.publish(Bool(data=True))
     graph.until(lambda: not mistakes, 'all')
     assert len([key for key in graph.probe._said if 'orders' in key]) == 2
+
+
+@pytest.mark.parametrize(('rate', 'slow'), [(200.0, True), (10.0, False)])
+def test_a_driver_that_is_far_slower_than_its_parameter_is_told(graph, rate, slow):
+    """At 20 readings a second at most, which every second interval of `rate` would miss."""
+    node = graph.add(BundleNode('rig', (*sensing.SPECS, *LISTENER), context=graph.context,
+                                overrides={'rate': rate}))
+    heard, report = sensing.Sensing(node, 1, 0.1, lambda sample: None), Report()
+    for _ in range(8):
+        heard.meters['force'].tick()
+        graph.spin(0.05)
+    heard.report(report)
+    assert ('the parameter rate says' in ' '.join(report.messages)) == slow
+    assert ('force rate' in node._said) == slow
+    # a channel that was never there is told by the watches
+    assert 'strain comes' not in ' '.join(report.messages)
