@@ -99,7 +99,7 @@ def test_a_gauge_behind_a_plugged_port_is_found(chamber, setpoint):
     ids=['rest at the largest', 'rest', 'ramp', 'sine', 'steps'])
 @pytest.mark.parametrize('rig', [
     {}, {'conductance': 0.7}, {'conductance': 1.3}, {'dead_band': 0.02}, {'dead_band': 0.08},
-    {'dead_band': 0.06, 'conductance': 0.8}, {'leak': 0.01}, {'leak': 0.1}, {'leak': 0.3}],
+    {'dead_band': 0.08, 'conductance': 0.7}, {'leak': 0.01}, {'leak': 0.1}, {'leak': 0.3}],
     ids=str)
 def test_a_sound_gauge_is_never_taken_for_one_that_does_not_respond(chamber, shown, setpoint,
                                                                     rig):
