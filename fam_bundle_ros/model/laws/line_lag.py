@@ -23,7 +23,7 @@ def pressure_line_lag(pressure, start, dt, lagged, last, time_constant):
     return felt - pressure, felt, pressure
 
 
-@law('pressure', **_FAMILY, variant_of='pressure_line_lag', look=('teal', 'solid'),
+@law('pressure', **_FAMILY, variant_of='pressure_line_lag', look=('sky', 'dashdot'),
      memory=('halfway', 'lagged', 'last'),
      summary='second-order lag of the line: two restrictions and two volumes',
      source='two equal first-order lines in series; 5-50 ms as measured on tube-fed muscles')

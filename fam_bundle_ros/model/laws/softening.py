@@ -58,7 +58,7 @@ def softening_lifetime(bladder, strain, start, log_start, centre, travelled, dep
     return depth * np.expm1(-way / travel) * bladder, path, way
 
 
-@law('force', **_FAMILY, variant_of='softening', across_trials=True, look=('green', 'dot'),
+@law('force', **_FAMILY, variant_of='softening', across_trials=True, look=('brown', 'dashdot'),
      summary='Mullins softening that stays, fast at first and never quite complete')
 def softening_gradual(bladder, strain, start, log_start, centre, travelled, depth, travel):
     """As `softening_lifetime`, but hyperbolic: F = -d F_bladder s/(s + s0)."""
