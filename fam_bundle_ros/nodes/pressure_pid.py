@@ -20,7 +20,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
 from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.plausibility import GENTLE, Travel
+from fam_bundle_ros.control.plausibility import GENTLE
 from fam_bundle_ros.control.safety import (
     Change,
     Guard,
@@ -34,6 +34,7 @@ from fam_bundle_ros.control.safety import (
     UNEXPLAINED_PRESSURE,
     WatchConfig,
 )
+from fam_bundle_ros.control.travel import Travel
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, GAUGE

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from fam_bundle_ros.control.plausibility import Travel
 from fam_bundle_ros.control.safety import FROZEN, SensorWatch, WatchConfig
+from fam_bundle_ros.control.travel import Travel
 
 PERIOD = 5e-3
 

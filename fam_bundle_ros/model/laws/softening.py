@@ -28,6 +28,13 @@ _FAMILY: dict[str, Any] = {
                         'strain travelled until 63 % (hyperbolic: half) of it is lost')}
 
 
+def _travelled(strain, start, since, centre, travelled):
+    """Return the strain behind its play, and the strain travelled since a start."""
+    path = play(centre, strain, _NOISE, start)
+    moved = np.where(start, 0.0, np.abs(path - before(centre, path)))
+    return path, affine(travelled, np.where(since, 0.0, 1.0), moved)
+
+
 @law('force', **_FAMILY, look=('green', 'dashdot'),
      summary='Mullins softening: bladder loses stiffness over the first cycles')
 def softening(bladder, strain, start, centre, travelled, depth, travel):
@@ -37,24 +44,15 @@ def softening(bladder, strain, start, centre, travelled, depth, travel):
     The strain first passes a play of half width 0.2 %, so that sensor noise does not count as
     travel. The bladder recovers between trials; see `softening_lifetime`.
     """
-    path = play(centre, strain, _NOISE, start)
-    moved = np.where(start, 0.0, np.abs(path - before(centre, path)))
-    way = affine(travelled, np.where(start, 0.0, 1.0), moved)
+    path, way = _travelled(strain, start, start, centre, travelled)
     return depth * np.expm1(-way / travel) * bladder, path, way
-
-
-def _lifetime(strain, start, log_start, centre, travelled):
-    """Return the strain behind its play, and the strain travelled since the log began."""
-    path = play(centre, strain, _NOISE, start)
-    moved = np.where(start, 0.0, np.abs(path - before(centre, path)))
-    return path, affine(travelled, np.where(log_start, 0.0, 1.0), moved)
 
 
 @law('force', **_FAMILY, variant_of='softening', across_trials=True, look=('green', 'longdash'),
      summary='Mullins softening that stays from trial to trial')
 def softening_lifetime(bladder, strain, start, log_start, centre, travelled, depth, travel):
     """As `softening`, but the bladder does not recover: travel is counted over all trials."""
-    path, way = _lifetime(strain, start, log_start, centre, travelled)
+    path, way = _travelled(strain, start, log_start, centre, travelled)
     return depth * np.expm1(-way / travel) * bladder, path, way
 
 
@@ -62,5 +60,5 @@ def softening_lifetime(bladder, strain, start, log_start, centre, travelled, dep
      summary='Mullins softening that stays, fast at first and never quite complete')
 def softening_gradual(bladder, strain, start, log_start, centre, travelled, depth, travel):
     """As `softening_lifetime`, but hyperbolic: F = -d F_bladder s/(s + s0)."""
-    path, way = _lifetime(strain, start, log_start, centre, travelled)
+    path, way = _travelled(strain, start, log_start, centre, travelled)
     return -depth * way / (way + travel) * bladder, path, way
