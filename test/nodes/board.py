@@ -23,10 +23,11 @@ class Pty:
         self._far, self._near = pty.openpty()
         tty.setraw(self._near)
         os.set_blocking(self._far, False)
-        self._link.unlink(missing_ok=True)
         self._link.symlink_to(os.ttyname(self._near))
 
     def unplug(self):
+        # The name goes first: the system soon gives the number of the terminal to another one.
+        self._link.unlink()
         os.close(self._far)
         os.close(self._near)
         self._far = None
