@@ -337,10 +337,11 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
         if any(t.kind == shape.kind for t in found):
             continue
         coefficient = float(np.linalg.norm(weight) if len(weight) > 1 else weight[0])
+        words = _signed(shape.words, coefficient)
         found.append(Template(
-            _signed(shape.words, coefficient), coefficient, shape.unit,
-            float(np.clip(gain / excess, 0, 1)), gain, shape.families, shape.expression,
-            shape.kind, size, shape.constants))
+            words, coefficient, shape.unit, float(np.clip(gain / excess, 0, 1)), gain,
+            shape.families if words == shape.words else (), shape.expression, shape.kind, size,
+            shape.constants))
         if len(found) == most:
             break
     return tuple(found)

@@ -189,6 +189,7 @@ def test_how_fast_a_pressure_changes_is_its_difference_over_the_time(paper_muscl
     (lambda e, p, way, t: 40.0 * np.maximum(e - 0.1216, 0), 'starts at strain', 40.0),
     (lambda e, p, way, t: -3.0 * way, 'against the motion, constant', 3.0),
     (lambda e, p, way, t: -1e-5 * way * p, 'against the motion, with pressure', 1e-5),
+    (lambda e, p, way, t: 3.0 * way, 'with the motion, constant', 3.0),
     (lambda e, p, way, t: 4.0 * (np.abs(p - 248e3) < 2e4), 'at 248 kPa', 4.0),
     (lambda e, p, way, t: 3.0 * np.sin(2.0 * np.pi * e / 0.06), 'periodic in strain, every 0.0600',
      3.0)])
@@ -209,7 +210,11 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
     sd = np.sqrt(cells.noise ** 2 / cells.count + (SMALL * cells.largest_force) ** 2)
     own = np.vstack([fit.slopes / sd[:, None], np.eye(len(fit.u))])
     target = np.append(fit.residual / sd, -fit.u)
-    columns = {s.words: s.columns for s in bank(cells, fit.model)}
+    shapes = bank(cells, fit.model)
+    columns = {_signed(s.words, sign): s.columns for s in shapes for sign in (1.0, -1.0)}
+    # a force with the motion is of no friction
+    losses = {s.words: s.families for s in shapes}
+    assert all(shape.families == losses.get(shape.words, ()) for shape in found)
     _, before, *_ = np.linalg.lstsq(own, target)
     for shape in found:
         column = cells.mean(columns[shape.words])
