@@ -102,6 +102,11 @@ class Cells:
         return averages(self.label, len(self.count))
 
 
+def negligible(cells: Cells) -> float:
+    """Return the size below which a discrepancy is negligible, N."""
+    return max(cells.noise, settings.SMALL * cells.largest_force)
+
+
 def averages(label: np.ndarray, count: int) -> Callable[[np.ndarray], np.ndarray]:
     """
     Return the function that averages values of rows, (T,) or (T, k), over cells, (n,) or (n, k).

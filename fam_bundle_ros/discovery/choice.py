@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import softmax
 
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.cells import Cells, negligible
 from fam_bundle_ros.discovery.estimates import is_dead
 from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.held_out import (
@@ -32,7 +32,6 @@ from fam_bundle_ros.discovery.verdict import (
     implausible_constants,
     implausible_geometry,
     is_structured,
-    negligible,
     remaining_discrepancy,
 )
 from fam_bundle_ros.model import Bundle

@@ -21,12 +21,12 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
-from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
-from fam_bundle_ros.discovery.cells import Cells, reduce
+from fam_bundle_ros.discovery.artefacts import artefacts
+from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.choice import (
     best_of_ties,
     drop_unpredictive,
@@ -46,7 +46,7 @@ from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.templates import describe
-from fam_bundle_ros.discovery.verdict import Artefact, DOUBTED, Finding, judge
+from fam_bundle_ros.discovery.verdict import DOUBTED, Finding, judge
 from fam_bundle_ros.discovery.words import next_experiment, not_named, notes_on, renamed, summarise
 from fam_bundle_ros.model import Bundle, catalogue
 from fam_bundle_ros.processes import on_one_core
@@ -222,11 +222,8 @@ class Searched:
                 likely: bool) -> Judged:
         fitter, null = self.search.fitter, self.search.null
         base = fitter.without_discrepancy(null) if likely else physics
-        offsets = self.offsets
-        if offsets is None and not self.data.is_static:
-            offsets = _offsets_left(fitter.cells, physics)
         finding = judge(fitter, null, base, chosen, physics, found, held,
-                        _artefacts(offsets, self.comparison.noise),
+                        artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets),
                         self.search.options.choices.inclusion, likely)
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
@@ -239,24 +236,6 @@ def _tared(data: Measurement, residual: np.ndarray) -> tuple[Measurement, Offset
     if offsets is None:
         return data, None
     return replace(data, force=data.force - offsets.rows), offsets
-
-
-def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
-    """Return the offsets between the trials of a log, if they are visible in the noise."""
-    residual = cells.data.force - physics.model.predict(cells.motion)
-    kept = cells.label >= 0
-    found = trial_offsets(cells.data.select(kept), residual[kept])
-    return found if found is not None and found.size > settings.VISIBLE * cells.noise else None
-
-
-def _artefacts(offsets: Offsets | None, floor: NoiseFloor) -> list[Artefact]:
-    found = []
-    if offsets is not None:
-        found.append(Artefact(str(offsets),
-                              'tare the load cell before each trial and measure again'))
-    if floor.hides_loops:
-        found.append(Artefact(floor.note, 'log the time of each row and measure again'))
-    return found
 
 
 def _written(model: Bundle, fit: Fit, parameters: list) -> Bundle:

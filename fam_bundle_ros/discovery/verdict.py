@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.data.grouping import pressure_speed, rms
 from fam_bundle_ros.data.measurement import BY_PRESSURE
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.artefacts import Artefact
+from fam_bundle_ros.discovery.cells import Cells, negligible
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
@@ -34,13 +34,6 @@ from fam_bundle_ros.model import catalogue
 _TOLERANCES = 3.0
 #: Upper limit of the probability shown when there is a warning or a refusal.
 DOUBTED = 0.9
-
-
-class Artefact(NamedTuple):
-    """An error caused by how the data were taken, which no effect explains."""
-
-    words: str
-    remedy: str
 
 
 @dataclass(frozen=True)
@@ -89,15 +82,6 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     return Left(float(np.sqrt(square)), rough, float(np.hypot(np.sqrt(beside), rough)))
 
 
-def drift(covariance: Covariance, fit: Fit) -> float:
-    """Return the size of the part of the discrepancy that is a function of time, N rms."""
-    h = fit.hyper._replace(even=0, odd=0, speed=0)
-    if not h.slow:
-        return 0.0
-    part = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper), fit.residual)
-    return float(np.sqrt(np.mean(part ** 2)))
-
-
 def implausible_geometry(physics: Fit) -> list[str]:
     """Return in words which dimensions are implausibly far from their priors."""
     return [f'{prior.key} has moved {u:+.1f} tolerances'
@@ -121,11 +105,6 @@ def _impossible(physics: Fit) -> list[str]:
     """Return in words which of the model's own parameters are at a bound."""
     return [f'{prior.key} is at the limit of its possible range'
             for prior, bound in zip(physics.priors, physics.at_bound) if bound and prior.own]
-
-
-def negligible(cells: Cells) -> float:
-    """Return the size below which a discrepancy is negligible, N."""
-    return max(cells.noise, settings.SMALL * cells.largest_force)
 
 
 def evidence_of_structure(fitter: Fitter, fit: Fit) -> float:
@@ -207,7 +186,6 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         removed all effects, the verdict is `unexplained`, not `adequate`.
     """
     cells = fitter.cells
-    artefacts = (*artefacts, *_drifts(fitter, chosen))
     before = remaining_discrepancy(fitter.covariance, null, base)
     after = remaining_discrepancy(fitter.covariance, chosen, physics)
     still = evidence_of_structure(fitter, chosen)
@@ -239,16 +217,6 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         verdict = 'partial' if warnings or rest else 'missing_effect'
     return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
                    warnings, tuple(artefacts), faint)
-
-
-def _drifts(fitter: Fitter, fit: Fit) -> list[Artefact]:
-    size, time = drift(fitter.covariance, fit), settings.TIME_LENGTHS[fit.hyper.tau]
-    if size <= negligible(fitter.cells):
-        return []
-    return [Artefact(f'the error drifts by {size:.2g} N rms within the trials, over about '
-                     f'{time:g} s, whatever the strain and the pressure',
-                     'log a trial at constant strain and pressure: it shows whether the load cell '
-                     'or the muscle drifts')]
 
 
 def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bool:

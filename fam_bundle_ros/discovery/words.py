@@ -71,16 +71,16 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     error : mapping of str to float
         Rms errors ``recalibrated`` and ``best``, and the noise floor ``noise``, N.
     """
+    faint = (f'; {finding.faint:.2g} N rms of a smooth shape are left, less than half the noise '
+             'of a row: a smaller --unexplained searches for effects of this size'
+             if finding.faint else '')
     if finding.verdict == 'adequate':
-        faint = (f'; {finding.faint:.2g} N rms of a smooth shape are left, less than half the '
-                 'noise of a row: a smaller --unexplained searches for effects of this size'
-                 if finding.faint else '')
         return 'the model explains ' + _down_to('the data down to their noise', error) + faint
     if finding.verdict == 'recalibrate':
         far = ', '.join(f'{p.key.partition(".")[2]} {u:+.1f}' for p, u in zip(
             base.priors, base.u) if abs(u) > 0.2)
-        return (f"the model's own parameters explain the error (tolerances moved: "
-                f'{far or "little"}); no effect is missing')
+        return (f"the model's own parameters explain {_down_to('the error', error)} (tolerances "
+                f'moved: {far or "little"}); no effect is missing{faint}')
     if finding.verdict == 'unexplained':
         if finding.artefacts:
             return '; '.join(artefact.words for artefact in finding.artefacts)

@@ -11,6 +11,7 @@ import pytest
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import choice
 from fam_bundle_ros.discovery import verdict as verdicts
+from fam_bundle_ros.discovery.artefacts import Artefact
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
@@ -21,16 +22,12 @@ from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
     _alike_at_one_rate,
-    _drifts,
     _effect_of_pressure,
     _explained,
     _refusals,
     _warnings,
-    Artefact,
-    drift,
     implausible_constants,
     judge,
-    negligible,
     remaining_discrepancy,
 )
 
@@ -73,29 +70,6 @@ def test_what_effects_explain_alone_is_not_left_to_a_discrepancy(search):
     other = replace(alone, u=np.where([p.key == 'geometry.radius' for p in alone.priors], -12.0,
                                       alone.u))
     assert remaining_discrepancy(covariance, joint, other).total > 10.0
-
-
-def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
-    """Where the joint fit has a slow part; an error over the strain is none."""
-    cells = reduce(paper_muscle, make_sweeps(), most=60)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
-    options = Options.of(paper_muscle, cells, Choices())
-    fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
-    slow = 6.0 * np.sin(cells.time / 20.0)
-    wave = 2.0 * np.sin(30.0 * cells.strain)
-    both = Hyper(even=11, strain=3, pressure=1, slow=11, tau=2)
-    drifting = replace(fit, hyper=both, residual=slow)
-    size = drift(fitter.covariance, drifting)
-    assert size == pytest.approx(np.sqrt(np.mean(slow ** 2)), rel=0.2)
-    assert drift(fitter.covariance, replace(fit, hyper=both, residual=wave)) < 0.5
-    assert drift(fitter.covariance, replace(drifting, hyper=both._replace(slow=0))) == 0.0
-    assert [each.words.split(' within')[0] for each in _drifts(fitter, drifting)] == [
-        f'the error drifts by {size:.2g} N rms']
-    finding = judge(fitter, drifting, drifting, drifting, drifting, [], GOOD, [], 0.1, False)
-    assert finding.verdict == 'unexplained'
-    assert finding.artefacts == tuple(_drifts(fitter, drifting))
-    # a share of the largest force that no gauge shows is none
-    assert _drifts(fitter, replace(drifting, residual=0.9 * negligible(cells) / size * slow)) == []
 
 
 @pytest.mark.parametrize(('u', 'doubted'), [(0.0, False), (1.0, False), (4.0, True)])

@@ -1,0 +1,93 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A periodic error of the force in time: a frame that vibrates, or hum folded by sampling."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.rates import FALSE_ALARM
+
+#: Zero padding of the spectrum: the height of a peak is found within 3 %.
+_PADDED = 4
+#: Bins over the range of strain, in which a periodic function of the strain is seen.
+_BINS = 60
+
+
+class Vibration(NamedTuple):
+    """Period, s, and amplitude, N."""
+
+    period: float
+    amplitude: float
+
+
+def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vibration | None:
+    """
+    Return the sine in time that is most of what exceeds the white noise, or None.
+
+    The spectrum is the sum of the periodograms of the trials (Deeming 1975, for rows with gaps),
+    so the phase may differ between trials. Its peak must be higher than white noise reaches with
+    probability `FALSE_ALARM`, and must be more than half of what exceeds the white noise, with
+    more than two periods in a trial: in drift and other noise that grows towards low frequencies,
+    one or two periods per trial have as much. A function of strain and direction that is passed
+    at constant speed is periodic in time too: means over cells of strain and direction must
+    explain less.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        With time.
+    values : ndarray, shape (T,), N
+        Measured minus modelled force.
+    noise : float, N
+        Standard deviation of the white noise.
+    """
+    clock = measurement.clock
+    trials = [np.flatnonzero(measurement.trial == k) for k in np.unique(measurement.trial)]
+    longest = max(float(np.ptp(clock[rows])) for rows in trials)
+    # shorter trials do not resolve the lowest frequency
+    trials = [rows for rows in trials if np.ptp(clock[rows]) >= 0.5 * longest]
+    steps = np.concatenate([np.diff(clock[rows]) for rows in trials])
+    if not (steps > 0.0).any():
+        return None
+    step = float(np.median(steps[steps > 0.0]))
+    length = round(longest / step) + 1
+    frequency = np.fft.rfftfreq(_PADDED * length, step)
+    power, y = np.zeros(len(frequency)), np.zeros(len(values))
+    for rows in trials:
+        y[rows] = values[rows] - values[rows].mean()
+        place = np.round((clock[rows] - clock[rows[0]]) / step).astype(int)
+        even = np.bincount(place, y[rows], minlength=length)
+        power += 2.0 / len(rows) * np.abs(np.fft.rfft(even, _PADDED * length)) ** 2
+    rows = np.concatenate(trials)
+    total = float(y @ y)
+    free = len(rows) - 3 * len(trials)
+    peak = int(np.argmax(np.where(frequency > 2.0 / longest, power, 0.0)))
+    height = power[peak]
+    if free < 1 or not 0.0 < total - len(rows) * noise ** 2 < 2.0 * height:
+        return None
+    ratio = height / (2 * len(trials)) / (max(total - height, 0.0) / free)
+    chance = f_distribution.sf(ratio, 2 * len(trials), free)
+    if len(frequency) / _PADDED * chance > FALSE_ALARM:
+        return None
+    if height / total <= _share_of_place(measurement.select(rows), y[rows]):
+        return None
+    return Vibration(float(1.0 / frequency[peak]), float(np.sqrt(2.0 * height / len(rows))))
+
+
+def _share_of_place(measurement: Measurement, values: np.ndarray) -> float:
+    """Return the share of the variance that strain and direction explain, adjusted (R^2)."""
+    width = max(float(np.ptp(measurement.strain)), np.finfo(float).tiny) / _BINS
+    _, cell = np.unique(np.stack([np.round(measurement.strain / width), measurement.direction],
+                                 -1), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    count = np.bincount(cell)
+    free = len(values) - len(count)
+    if free < 1:
+        return 0.0
+    left = values - (np.bincount(cell, values) / count)[cell]
+    return 1.0 - float(left @ left) / free / float(np.var(values, ddof=1))

@@ -1,0 +1,109 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Errors of a measurement that come from how it was taken, which no effect explains.
+
+Offsets between trials, loops in a map without time, vibration, and drift within the trials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from fam_bundle_ros.data.noise import NoiseFloor
+from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
+from fam_bundle_ros.data.vibration import vibration
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.cells import Cells, negligible
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.fitter import Fit, Fitter
+
+
+class Artefact(NamedTuple):
+    """An error caused by how the data were taken."""
+
+    words: str
+    remedy: str
+
+
+def artefacts(fitter: Fitter, chosen: Fit, physics: Fit, floor: NoiseFloor,
+              offsets: Offsets | None) -> tuple[Artefact, ...]:
+    """
+    Return the artefacts of a measurement.
+
+    Parameters
+    ----------
+    fitter : Fitter
+    chosen, physics : Fit
+        The chosen set with its discrepancy, and without one.
+    floor : NoiseFloor
+        Of the measurement.
+    offsets : Offsets or None
+        Offsets between the trials of a map, which were subtracted.
+    """
+    data = fitter.cells.data
+    if offsets is None and not data.is_static:
+        offsets = _offsets_left(fitter.cells, physics)
+    found = []
+    if offsets is not None:
+        found.append(Artefact(str(offsets),
+                              'tare the load cell before each trial and measure again'))
+    if floor.hides_loops:
+        found.append(Artefact(floor.note, 'log the time of each row and measure again'))
+    if not data.is_static:
+        found += [*_vibrations(fitter, chosen)] or [*_drifts(fitter, chosen)]
+    return tuple(found)
+
+
+def drift(covariance: Covariance, fit: Fit) -> float:
+    """Return the size of the part of the discrepancy that is a function of time, N rms."""
+    h = fit.hyper._replace(even=0, odd=0, speed=0)
+    return float(np.sqrt(np.mean(_part(covariance, fit, h) ** 2)))
+
+
+def _part(covariance: Covariance, fit: Fit, h: Hyper) -> np.ndarray:
+    """Return the posterior mean of a part of the discrepancy in the cells, (n,), N."""
+    if h.is_white:
+        return np.zeros(len(fit.residual))
+    return covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper), fit.residual)
+
+
+def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
+    """Return the offsets between the trials of a log, if they are visible in the noise."""
+    residual = cells.data.force - physics.model.predict(cells.motion)
+    kept = cells.label >= 0
+    found = trial_offsets(cells.data.select(kept), residual[kept])
+    return found if found is not None and found.size > settings.VISIBLE * cells.noise else None
+
+
+def _vibrations(fitter: Fitter, fit: Fit) -> Iterator[Artefact]:
+    """
+    Yield the vibration in what is left, if it is visible in the noise of rows.
+
+    The discrepancy in strain, pressure and direction is subtracted: motion is periodic as well.
+    """
+    cells = fitter.cells
+    kept = cells.label >= 0
+    smooth = _part(fitter.covariance, fit, fit.hyper._replace(slow=0))
+    rest = (cells.data.force - fit.model.predict(cells.motion))[kept] - smooth[cells.label[kept]]
+    found = vibration(cells.data.select(kept), rest, cells.noise)
+    if found is not None and found.amplitude > np.sqrt(2.0) * settings.VISIBLE * cells.noise:
+        yield Artefact(
+            f'the force swings by {found.amplitude:.2g} N with a period of {found.period:.2g} s, '
+            'whatever the strain and the pressure: vibration of the rig, or hum that looks slow '
+            'at this sampling rate',
+            'log the load cell at rest, with and without the drives, pumps and fans nearby, and '
+            'at another sampling rate')
+
+
+def _drifts(fitter: Fitter, fit: Fit) -> Iterator[Artefact]:
+    size, time = drift(fitter.covariance, fit), settings.TIME_LENGTHS[fit.hyper.tau]
+    if size > negligible(fitter.cells):
+        yield Artefact(
+            f'the error drifts by {size:.2g} N rms within the trials, over about {time:g} s, '
+            'whatever the strain and the pressure',
+            'log a trial at constant strain and pressure: it shows whether the load cell or the '
+            'muscle drifts')

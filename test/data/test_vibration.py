@@ -1,0 +1,71 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A sine in time is found as long as it is none in strain."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.data.vibration import vibration
+
+
+def log(trials=4, rows=200, step=0.05, sweep=5.0):
+    """Return a log of triangular sweeps of the strain, trials 3.3 s apart."""
+    clock = step * np.arange(rows)
+    once = 0.2 * np.abs((2.0 * clock / sweep + 1.0) % 2.0 - 1.0)
+    time = np.concatenate([clock + k * (rows * step + 3.3) for k in range(trials)])
+    trial = np.repeat(np.arange(trials), rows)
+    return build('log', np.tile(once, trials), 2e5 + 1e3 * time,
+                 np.full(len(time), 50.0), trial, time)
+
+
+def noise(count, seed=0, memory=0.0):
+    """Return noise of unit standard deviation; with memory it is AR(1)."""
+    white = np.random.default_rng(seed).standard_normal(count)
+    return np.sqrt(1.0 - memory ** 2) * lfilter([1.0], [1.0, -memory], white)
+
+
+@pytest.mark.parametrize(('trials', 'period'), [(1, 0.31), (1, 2.2), (4, 0.31), (4, 3.7)])
+def test_period_and_amplitude_of_a_vibration_are_found_in_noise(trials, period):
+    """Also where each trial has a phase of its own, and where rows are missing."""
+    data = log(trials)
+    phase = 2.0 * data.trial
+    values = 1.5 * np.sin(2.0 * np.pi * data.time / period + phase) + noise(len(data))
+    kept = np.random.default_rng(1).uniform(size=len(data)) < 0.8
+    found = vibration(data.select(kept), values[kept], 1.0)
+    assert found.period == pytest.approx(period, rel=0.05)
+    assert found.amplitude == pytest.approx(1.5, rel=0.15)
+
+
+@pytest.mark.parametrize('memory', [0.0, 0.8])
+def test_noise_is_no_vibration(memory):
+    """White, or with a memory of five rows: at most two of 200 logs."""
+    data = log()
+    white = np.sqrt(1.0 - memory ** 2)
+    assert sum(vibration(data, noise(len(data), seed, memory), white) is not None
+               for seed in range(200)) <= 2
+
+
+def test_a_ripple_over_the_strain_is_no_vibration():
+    """At constant speed it is periodic in time, but it returns at the same strain."""
+    data = log()
+    ripple = 1.5 * np.sin(2.0 * np.pi * data.strain / 0.05) + 0.5 * noise(len(data))
+    assert vibration(data, ripple, 0.5) is None
+    in_time = 1.5 * np.sin(2.0 * np.pi * data.time / 1.25 + 2.0 * data.trial)
+    assert vibration(data, in_time + 0.5 * noise(len(data)), 0.5) is not None
+
+
+def test_fewer_than_two_periods_in_a_trial_are_drift():
+    """A slow wave cannot be told from other drift."""
+    data = log()
+    wave = 5.0 * np.sin(2.0 * np.pi * data.time / 15.0 + 2.0 * data.trial)
+    assert vibration(data, wave + 0.5 * noise(len(data)), 0.5) is None
+
+
+@pytest.mark.parametrize(('trials', 'rows'), [(12, 1), (6, 2), (4, 4)])
+def test_trials_too_short_for_a_period_show_none(trials, rows):
+    """A few rows have no spectrum, and neither have zeros."""
+    data = log(trials, rows)
+    assert vibration(data, np.arange(float(len(data))) ** 2 % 7, 1.0) is None
+    assert vibration(log(), np.zeros(800), 1.0) is None

@@ -1,0 +1,65 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Errors that come from how the data were taken are told as such."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.discovery.artefacts import _drifts, drift
+from fam_bundle_ros.discovery.cells import negligible, reduce
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.diagnose import diagnose
+from fam_bundle_ros.discovery.fitter import Fitter
+from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.settings import Choices
+
+
+def swing(size):
+    """Return a force of the rig that swings by ``size`` N every 2.2 s."""
+    return lambda strain, pressure, way, time: size * np.sin(2.0 * np.pi * time / 2.2)
+
+
+def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
+    """Where the joint fit has a slow part; an error over the strain is none."""
+    cells = reduce(paper_muscle, make_sweeps(), most=60)
+    fitter = Fitter(cells, Covariance(cells, 0.01))
+    options = Options.of(paper_muscle, cells, Choices())
+    fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    slow = 6.0 * np.sin(cells.time / 20.0)
+    wave = 2.0 * np.sin(30.0 * cells.strain)
+    both = Hyper(even=11, strain=3, pressure=1, slow=11, tau=2)
+    drifting = replace(fit, hyper=both, residual=slow)
+    size = drift(fitter.covariance, drifting)
+    assert size == pytest.approx(np.sqrt(np.mean(slow ** 2)), rel=0.2)
+    assert drift(fitter.covariance, replace(fit, hyper=both, residual=wave)) < 0.5
+    assert drift(fitter.covariance, replace(drifting, hyper=both._replace(slow=0))) == 0.0
+
+    assert [each.words.split(' within')[0] for each in _drifts(fitter, drifting)] == [
+        f'the error drifts by {size:.2g} N rms']
+    # a share of the largest force that no gauge shows is none
+    assert [*_drifts(fitter, replace(drifting, residual=0.9 * negligible(cells) / size * slow))
+            ] == []
+
+
+def test_vibration_of_the_rig_is_no_noise_and_no_effect(make_sweeps, paper_muscle):
+    """Three times the noise, but less than a hundredth of the largest force."""
+    found = diagnose(paper_muscle, make_sweeps(extra=swing(2.5)))
+    assert found.verdict == 'unexplained' and not found.effects
+    assert found.summary.startswith('the force swings by 2.4 N with a period of 2.2 s')
+    assert found.next_experiment.startswith('log the load cell at rest')
+
+
+def test_vibration_beside_an_effect_is_a_caution(make_sweeps, paper_muscle):
+    """The effect is named, and the answer is partial."""
+    def extra(strain, pressure, way, time):
+        return swing(2.5)(strain, pressure, way, time) - 9.0 * way
+    found = diagnose(paper_muscle, make_sweeps(extra=extra))
+    assert found.verdict == 'partial' and found.effects == ('coulomb_friction',)
+    assert any('with a period of 2.2 s' in words for words in found.artefacts)
+
+
+def test_a_vibration_hidden_in_the_noise_is_not_told(make_sweeps, paper_muscle):
+    """Less than half of the noise of a row."""
+    assert not diagnose(paper_muscle, make_sweeps(extra=swing(0.35))).artefacts
