@@ -47,13 +47,23 @@ def test_noise_is_no_vibration(memory):
                for seed in range(200)) <= 2
 
 
-def test_a_ripple_over_the_strain_is_no_vibration():
-    """At constant speed it is periodic in time, but it returns at the same strain."""
+@pytest.mark.parametrize('ripple', [lambda strain, way: np.cos(2.0 * np.pi * strain / 0.05),
+                                    lambda strain, way: way * np.sin(2.0 * np.pi * strain / 0.05)])
+def test_a_ripple_over_the_strain_is_no_vibration(ripple):
+    """At constant speed it is a sine in time, but it returns at the same strain and direction."""
     data = log()
-    ripple = 1.5 * np.sin(2.0 * np.pi * data.strain / 0.05) + 0.5 * noise(len(data))
-    assert vibration(data, ripple, 0.5) is None
-    in_time = 1.5 * np.sin(2.0 * np.pi * data.time / 1.25 + 2.0 * data.trial)
-    assert vibration(data, in_time + 0.5 * noise(len(data)), 0.5) is not None
+    values = 1.5 * ripple(data.strain, data.direction) + 0.5 * noise(len(data))
+    assert vibration(data, values, 0.5) is None
+    in_time = 1.5 * np.sin(2.0 * np.pi * data.time / 0.625 + 2.0 * data.trial)
+    assert vibration(data, in_time + 0.5 * noise(len(data)), 0.5).period == pytest.approx(
+        0.625, rel=0.02)
+
+
+def test_a_vibration_smaller_than_the_noise_is_found():
+    """It is half of the noise, and nothing else exceeds the noise."""
+    data = log()
+    values = 0.7 * np.sin(2.0 * np.pi * data.time / 1.4 + 2.0 * data.trial) + noise(len(data))
+    assert vibration(data, values, 1.0).amplitude == pytest.approx(0.7, rel=0.2)
 
 
 def test_fewer_than_two_periods_in_a_trial_are_drift():
