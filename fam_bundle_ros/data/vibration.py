@@ -54,7 +54,8 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     steps = np.concatenate([np.diff(clock[rows]) for rows in trials])
     if not (steps > 0.0).any():
         return None
-    step = float(np.median(steps[steps > 0.0]))
+    # after a pause in a trial most places of a fine grid would be empty
+    step = max(float(np.median(steps[steps > 0.0])), longest / (_PADDED * max(map(len, trials))))
     length = round(longest / step) + 1
     frequency = np.fft.rfftfreq(_PADDED * length, step)
     power, y = np.zeros(len(frequency)), np.zeros(len(values))

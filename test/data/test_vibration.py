@@ -47,6 +47,14 @@ def test_noise_is_no_vibration(memory):
                for seed in range(200)) <= 2
 
 
+def test_a_pause_of_a_day_in_a_trial_costs_no_memory():
+    """The grid of the spectrum has no more places than a few times the rows."""
+    data = log(1)
+    late = np.where(np.arange(len(data)) < 100, 0.0, 86400.0)
+    paused = build('paused', data.strain, data.pressure, data.force, data.trial, data.time + late)
+    assert vibration(paused, noise(len(data)), 1.0) is None
+
+
 @pytest.mark.parametrize('ripple', [lambda strain, way: np.cos(2.0 * np.pi * strain / 0.05),
                                     lambda strain, way: way * np.sin(2.0 * np.pi * strain / 0.05)])
 def test_a_ripple_over_the_strain_is_no_vibration(ripple):
