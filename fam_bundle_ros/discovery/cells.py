@@ -29,6 +29,9 @@ from fam_bundle_ros.model import Bundle, Motion
 _BINS = (60, 40, 30, 24, 20, 16, 12, 10)
 #: Two readings at rest differ by more than this many standard deviations about once in 50 000.
 _STILL = 6.0
+#: Blocks of rows per cell: for a parabola over the range, in cells of 1/10 of it, the error of a
+#: cell's mean is 5e-5 of the change of the force.
+_BLOCKS = 4
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,32 @@ class Cells:
     def mean(self) -> Callable[[np.ndarray], np.ndarray]:
         """Averages over cells, (n,) or (n, k), of values of rows, (T,) or (T, k)."""
         return averages(self.label, len(self.count))
+
+    @cached_property
+    def blocks(self) -> tuple[Motion, Callable[[np.ndarray], np.ndarray]]:
+        """
+        The motion in a few blocks of rows per cell, and its averages over cells, as `mean`.
+
+        For models without memory, whose force is nearly linear in the motion of so few rows.
+        """
+        rows = np.flatnonzero(self.label >= 0)
+        rows = rows[np.argsort(self.label[rows], kind='stable')]
+        cell, size = self.label[rows], self.count.astype(int)
+        place = np.arange(len(rows)) - (np.cumsum(size) - size)[cell]
+        block = np.full(len(self.label), -1)
+        block[rows] = _renumbered(cell * _BLOCKS + place * _BLOCKS // size[cell])
+        count = np.bincount(block[rows])
+        mean, motion = averages(block, len(count)), self.motion
+
+        def few(values: np.ndarray) -> np.ndarray:
+            # the clock begins at the first row of the record
+            return np.concatenate([values[:1], mean(values)])
+
+        owner = np.repeat(np.arange(len(size)), np.minimum(size, _BLOCKS))
+        share = csr_array((count / self.count[owner], (owner, 1 + np.arange(len(count)))),
+                          (len(size), 1 + len(count)))
+        return (Motion(few(motion.strain), few(motion.pressure), few(motion.strain_rate),
+                       None if motion.time is None else few(motion.time)), share.__matmul__)
 
 
 def negligible(cells: Cells) -> float:

@@ -21,7 +21,7 @@ from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.hyperparameters import along_ridge, ascend, Value
 from fam_bundle_ros.discovery.linear import Linear, log_evidence, pinned
 from fam_bundle_ros.discovery.priors import Prior
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Bundle, Motion
 
 #: White misfits of the annealing, as places on the grid; 0 is none.
 COOLING = range(12, -1, -2)
@@ -127,7 +127,9 @@ class Fitter:
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""
-        return self._off(with_coordinates(model, priors, u).predict(self.cells.motion))
+        moved = with_coordinates(model, priors, u)
+        motion, mean = self._seen_by(moved)
+        return self._off(mean(moved.predict(motion)))
 
     def linearised(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                    kept: Mapping[str, np.ndarray] | None = None,
@@ -144,18 +146,22 @@ class Fitter:
         moved = with_coordinates(model, priors, u)
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]
         slope = np.array([priors[j].slope(u[j]) for j in asked])
-        force, columns = moved.jacobian(self.cells.motion, [priors[j].key for j in asked])
+        motion, mean = self._seen_by(moved)
+        force, columns = moved.jacobian(motion, [priors[j].key for j in asked])
         slopes = np.empty((len(self.cells), len(priors)), order='F')
-        columns = self.cells.mean(columns) * slope
+        columns = mean(columns) * slope
         slopes[:, asked] = np.where(np.isfinite(columns), columns, 0.0)
         for j, prior in enumerate(priors):
             if prior.key in known:
                 slopes[:, j] = known[prior.key]
-        return self._off(force), slopes
+        return self._off(mean(force)), slopes
 
-    def _off(self, force: np.ndarray) -> np.ndarray:
-        """Return measured minus predicted force of the cells, from predictions of the rows."""
-        mean = self.cells.mean(force)
+    def _seen_by(self, model: Bundle) -> tuple[Motion, Callable[[np.ndarray], np.ndarray]]:
+        """Return the motion for which a model is computed, and its averages over cells."""
+        return (self.cells.motion, self.cells.mean) if model.has_memory else self.cells.blocks
+
+    def _off(self, mean: np.ndarray) -> np.ndarray:
+        """Return measured minus predicted force of the cells, (n,), N."""
         return self.cells.force - np.where(np.isfinite(mean), mean, 1e6)
 
     def evidence_of(self, fit: Fit) -> float:

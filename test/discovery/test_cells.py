@@ -51,6 +51,19 @@ def test_labels_without_gaps_keep_their_order():
     assert _renumbered(np.array([7, 3, 20])).tolist() == [1, 0, 2]
 
 
+@pytest.mark.parametrize('most', [12, 60, 200])
+def test_without_memory_a_few_blocks_of_rows_have_the_averages_of_all(make_sweeps, paper_muscle,
+                                                                      most):
+    """Of forces and of the columns of a Jacobian, to a thousandth of the largest force."""
+    cells = reduce(paper_muscle, make_sweeps(), most=most)
+    motion, mean = cells.blocks
+    assert len(motion.strain) <= 4 * len(cells) + 1
+    assert_allclose(mean(np.stack([motion.strain, motion.clock], -1)),
+                    cells.mean(np.stack([cells.motion.strain, cells.motion.clock], -1)))
+    assert_allclose(mean(paper_muscle.predict(motion)),
+                    cells.mean(paper_muscle.predict(cells.motion)), atol=1e-3 * cells.largest_force)
+
+
 @pytest.mark.parametrize('most', [3, 10, 24, 25, 60])
 def test_of_too_many_cells_an_even_choice_stays(most):
     """The first and the last among them; the rows of the others are in none."""
