@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
+from fam_bundle_ros.control.outer import command_lag, default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import outer_settings
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.strain_gains import drag_of, GAIN_ERRORS, RATE_LAG
@@ -111,7 +111,7 @@ def tune_force(config: OuterConfig = OuterConfig(), sample_period: float = 4e-3,
     """
     ct = python_control()
     _check(sample_period, lag)
-    whole = config.delay + config.lead_time + sample_period + lag
+    whole = command_lag(config, sample_period) + sample_period + lag
     observer = whole if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
@@ -154,7 +154,7 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
     if not load.inertia > 0.0:
         raise InputError('the inertia of the load is 0; expected more than 0 N s^2 for the '
                          'strain loop')
-    whole = config.delay + config.lead_time + sample_period
+    whole = command_lag(config, sample_period) + sample_period
     dead = ct.tf(*ct.pade(whole, 4))
     gains = list(zip(settings.strain_gain, settings.strain_integral, settings.strain_damping))
     middle, points = len(gains) // 2, []

@@ -145,7 +145,7 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
         Measured force; model force at the measured, and at the last commanded pressures.
     reach : float, N
         Largest difference of ``asked`` and ``believed`` in normal operation. More is a transient,
-        or a unit that does not respond: it is not integrated, and the integral decays.
+        or a unit that does not respond: it is integrated slowly, by this much in 2.5 s.
     time : float, s
         Time constant of the fastest observer.
     dt : float, s
@@ -175,10 +175,13 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     missing = state.asked - believed
     late = abs(asked - state.asked)
     missing = math.copysign(max(abs(missing) - late, 0.0), missing)
-    if abs(missing) > reach:
-        missing = 0.0
     share = low_pass(dt, _SHORT * time)
-    state.short += share * (missing - state.short)
+    change = share * (missing - state.short)
+    if missing * change > 0.0 and abs(missing) > reach:
+        # A transient, unless it lasts: a unit that is at the limit of its supply, or leaks.
+        most = low_pass(dt, _LONG * PATIENT_TIME) * reach
+        change = min(max(change, -most), most)
+    state.short += change
     state.short_power += low_pass(dt, _LEARN_TIME) * (
         state.short * state.short - state.short_power)
     # Where the model error is known to vary, the shrinkage threshold is low.

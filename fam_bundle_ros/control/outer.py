@@ -3,6 +3,7 @@
 """Settings of the outer loops (`outer_loop`), and the model of the load."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +69,8 @@ class OuterConfig:
         the two apart: one half by default, which has the least expected error.
     bias_time : float, s, optional
         Time constant of the fastest bias estimate (`observer`); by default the lag of the loop:
-        dead time, `lead_time`, one sample, and the learnt lag of the force with its uncertainty.
+        dead time, `lead_time`, one and a half samples, and the learnt lag of the force with its
+        uncertainty.
     force_gain : float, optional
         Gain on the force error; by default a gain margin of 2 (6 dB) remains where the bundle's
         force changes by ``gain_error`` more than the model's: `default_force_gain`. It is weighted
@@ -94,7 +96,8 @@ class OuterConfig:
         Pressures are computed for the reference strain, at most this far from the measured one:
         the muscles' own stiffness then pulls towards it.
     lead_time : float, s
-        Lag of the pressures: feed-forward advances a reference with a rate by this time.
+        Lag of the pressures behind their setpoints. Feed-forward advances a reference with a rate
+        by the dead time, this time, and half a sample, for which a setpoint is held on average.
     fade_time : float, s
         Decay time of the initial force on enabling (bumpless transfer); with a strain reference
         and an unknown load the integral takes this force over instead.
@@ -114,7 +117,7 @@ class OuterConfig:
     still: float = 0.2
     filter_time: float = 0.02
     strain_reach: float = 0.03
-    lead_time: float = 0.0055
+    lead_time: float = 0.0035
     fade_time: float = 0.2
 
     def __post_init__(self):
@@ -133,6 +136,21 @@ class OuterConfig:
             value = getattr(self, name)
             if value is not None and not value >= 0.0:
                 raise InputError(f'{name} is {value}; expected 0 or more')
+
+
+def command_lag(outer: Any, dt: float) -> float:
+    """
+    Return the time from a command to its pressure, s: a kernel.
+
+    Dead time, lag of the pressures, and half of a sample, for which a command is held on average.
+
+    Parameters
+    ----------
+    outer : OuterConfig or OuterSettings
+    dt : float, s
+        Sample time of the recruitment controller.
+    """
+    return outer.delay + outer.lead_time + 0.5 * dt
 
 
 def default_force_gain(gain_error: float) -> float:

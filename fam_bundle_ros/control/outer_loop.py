@@ -26,7 +26,7 @@ from fam_bundle_ros.control.observer import (
     ObserverState,
     quick_of,
 )
-from fam_bundle_ros.control.outer import default_force_gain, LoadModel, OuterConfig
+from fam_bundle_ros.control.outer import command_lag, default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error
 from fam_bundle_ros.control.strain_gains import stiffness_grid, unit_stiffness
 from fam_bundle_ros.control.strain_loop import default_strain_gains, strain_loop
@@ -241,7 +241,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     state.filtered += share * (force - state.filtered)
     # The observer must not be faster than the loop that it corrects. The lag and its uncertainty
     # add as independent errors.
-    slowest = state.lag = math.hypot(settings.delay + settings.lead_time + dt + lag, lag_doubt)
+    slowest = state.lag = math.hypot(command_lag(settings, dt) + dt + lag, lag_doubt)
     state.behind = settings.reading_share * settings.delay + GAUGE_SHARE * (lag + lead)
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
@@ -256,7 +256,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     if kind == FORCE:
         # Pressures always lag a moving reference: widen the allowed difference by that.
         coming = force_in_transit(asked - believed, reach + abs(rate) * slowest)
-        before = settings.lead_time + settings.delay + lag + lead - state.behind
+        before = command_lag(settings, dt) + lag + lead - state.behind
         known, correction = force_loop(settings, state, force, value, rate, saturated, before,
                                        slowest, coming, dt)
     else:

@@ -55,6 +55,7 @@ from fam_bundle_ros.control.heading import (
 )
 from fam_bundle_ros.control.inverse import place_bottoms, Shares, total_of
 from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
+from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
     forget_outer,
@@ -263,7 +264,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
                    value - outer.behind * rate - measurement.force, rate, outer.lag, dt)
     # Predicted strain when the commanded pressures are reached.
-    ahead = settings.outer.delay + settings.outer.lead_time
+    ahead = command_lag(settings.outer, dt)
     coming = measurement.strain + ahead * strain_rate
     follows = kind == STRAIN and settings.outer.feed_forward
     # A force reference does not prescribe a strain: use the measured rate.

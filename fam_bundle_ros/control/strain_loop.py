@@ -11,7 +11,7 @@ from typing import Any
 from fam_bundle_ros.control.friction import turn_round
 from fam_bundle_ros.control.load_estimate import learn_load, load_law
 from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, quick_of
-from fam_bundle_ros.control.outer import LoadModel, OuterConfig
+from fam_bundle_ros.control.outer import command_lag, LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error
 from fam_bundle_ros.control.strain_gains import RATE_LAG, strain_gains, StrainGains
 
@@ -30,7 +30,7 @@ _LAGS = 2.0
 
 def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float) -> StrainGains:
     """Return the gains of the strain loop at a stiffness (N): those set, the others computed."""
-    lag = config.delay + config.lead_time + _PERIOD
+    lag = command_lag(config, _PERIOD) + _PERIOD
     found = strain_gains(stiffness, load.inertia or _USUAL_INERTIA, load.damping, lag)
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return StrainGains(*(worked if value is None else value for value, worked in zip(
@@ -59,7 +59,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
     strain, target = measurement.strain, state.target
     behind = settings.reading_share * settings.delay
     if settings.feed_forward:
-        ahead = value + (settings.lead_time + settings.delay - behind) * rate
+        ahead = value + (command_lag(settings, dt) - behind) * rate
         state.bend += low_pass(dt, _BEND_TIME) * ((rate - state.rate) / dt - state.bend)
         state.rate = rate
         known = (holding_force(settings, ahead) + settings.load_damping * rate
@@ -85,7 +85,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         damping = heavier * at_stiffness(settings, settings.strain_damping, alike)
         if integral > 0.0:
             # Delay after which a release of friction is detected.
-            lag = settings.delay + settings.lead_time + dt + RATE_LAG
+            lag = command_lag(settings, dt) + dt + RATE_LAG
             quick = max(stiffness / (_LAGS * lag), integral)
             due = rate
             if not settings.load_known and not state.load.known:

@@ -9,7 +9,9 @@ command line and parameter files as if each ran alone. Without a parameter file,
 for the simulation is used.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import pairwise
 import sys
 from typing import Any
 
@@ -46,7 +48,8 @@ class BundleBringup(BundleNode):
 def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
                overrides: Mapping[str, Any] | None = None,
                simulator: Mapping[str, Any] | None = None,
-               generator: Mapping[str, Any] | None = None) -> list[BundleNode]:
+               generator: Mapping[str, Any] | None = None,
+               files: Sequence[str] = ()) -> list[BundleNode]:
     """
     Return the nodes of a bundle, in the order in which they are to be stopped.
 
@@ -58,6 +61,8 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
         Parameters for all nodes (those that know them).
     simulator, generator : mapping, optional
         Further arguments of `PlantSimulator` and `ReferenceGenerator`.
+    files : sequence of str
+        Parameter files of the context; each must have a section for one of the nodes.
 
     Raises
     ------
@@ -81,8 +86,9 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
         if bringup.p['simulate']:
             nodes.append(PlantSimulator(**common, **(simulator or {})))
         # Imported here, as that module imports every node, this one too.
-        from fam_bundle_ros.nodes.known import refuse_unknown
+        from fam_bundle_ros.nodes.known import refuse_unheard, refuse_unknown
         refuse_unknown(nodes)
+        refuse_unheard(nodes, files)
     except Exception:
         for node in nodes:
             node.destroy_node()
@@ -97,4 +103,5 @@ def main(args: list[str] | None = None) -> int:
     if '--params-file' not in argv and not any('simulate:=false' in a.lower() for a in argv):
         # In front, so that what the user gives wins.
         argv[1:1] = ['--ros-args', '--params-file', str(config_path('simulation.yaml')), '--']
-    return run(make_nodes, f'{__doc__}\nParameters:\n{table(SPECS)}', argv)
+    files = [name for option, name in pairwise(argv) if option == '--params-file']
+    return run(partial(make_nodes, files=files), f'{__doc__}\nParameters:\n{table(SPECS)}', argv)

@@ -2,8 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """All parameters of the package; an unknown one is refused, whereas ROS ignores it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 import difflib
+import re
+from typing import Any
+
+import yaml
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import (
@@ -43,3 +47,38 @@ def refuse_unknown(nodes: Iterable[BundleNode]) -> None:
         near = difflib.get_close_matches(name, NAMES, 1)
         raise InputError(f"no node of the bundle has the parameter '{name}'"
                          + (f"; did you mean '{near[0]}'?" if near else ''))
+
+
+def refuse_unheard(nodes: Iterable[BundleNode], files: Sequence[str]) -> None:
+    """
+    Refuse a parameter file of which no section is for one of the nodes.
+
+    Raises
+    ------
+    InputError
+        The message names the file, its sections and the nodes.
+    """
+    names = [node.get_fully_qualified_name() for node in nodes]
+    for path in files:
+        with open(path, encoding='utf-8') as file:
+            sections = list(_sections(yaml.safe_load(file)))
+        if sections and not any(_matches(section, name) for section in sections
+                                for name in names):
+            raise InputError(f"{path}: section {', '.join(sections)} is for no node that starts "
+                             f"here ({', '.join(names)}); expected '/**', for all nodes, or one "
+                             'of these names')
+
+
+def _sections(content: Any, name: str = '') -> Iterator[str]:
+    """Yield the node names of a ROS parameter file; namespaces may be nested."""
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if key == 'ros__parameters':
+            yield name
+        else:
+            yield from _sections(value, f'{name}/{str(key).strip("/")}')
+
+
+def _matches(section: str, name: str) -> bool:
+    """Return whether a section, in which ** stands for any names and * for one, is for a node."""
+    pattern = re.escape(section).replace(r'/\*\*', '(/[^/]+)*').replace(r'\*', '[^/]+')
+    return re.fullmatch(pattern, name) is not None

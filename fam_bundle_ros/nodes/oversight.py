@@ -282,7 +282,7 @@ class Oversight:
             reasons.append(f'{unheard} (for a rig without one: e_stop_required false)')
         if not node.lock_step:
             reasons += [watch.reason for watch in self.watches[:2]
-                        if watch.health == Health.WAITING]
+                        if watch.health in (Health.WAITING, Health.VENT)]
         silent = self.loops.silent(self._patience)
         for unit, pressure in enumerate(self.pressure):
             watch, limit = self.watches[2 + unit], self._trip(unit)

@@ -115,7 +115,7 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
     seconds : float
         How long readings are collected.
     units : int
-        Motor units that the rig must have; more are checked too.
+        Motor units that the rig must have; more are checked too, with a note.
     domain : int, optional
         ROS domain; that of the environment by default.
     length : float, m
@@ -144,7 +144,7 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
                 *(interface.pressure_topic(i + 1) for i in range(units)))}
             until = partial(spinner.until, ended=lambda: signals.received)
             until(lambda: sensors <= set(node.types()), patience)
-            units = max(units, _listen(node, length))
+            there = _listen(node, length)
             # The first message of a discovered topic may take seconds to arrive.
             until(lambda: all(node.rows.values()) or bool(node.bad),
                   begin + patience - time.monotonic())
@@ -155,7 +155,9 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
                     progress(time.monotonic() - begin)
             if signals.received:
                 raise KeyboardInterrupt
-            return _judge(node, units, seconds, ambient, gauge)
+            more = [Finding(True, 'motor units', f'{there}, but {units} in the model: no node '
+                            'commands the others', note=True)] if there > units else []
+            return more + _judge(node, max(units, there), seconds, ambient, gauge)
     finally:
         spinner.close()
         context.try_shutdown()

@@ -260,3 +260,23 @@ def test_numba_is_imported_only_when_a_loop_is_compiled():
             'Rig(load_model(config_path("models/spie2021.yaml"))).step([0.1, 0.1], 2e-3); '
             'sys.exit("numba" in sys.modules)')
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
+
+
+def test_other_units_take_over_what_a_low_supply_does_not_give(paper_bundle):
+    """A unit that cannot reach its setpoint is no transient: the error goes within ten seconds."""
+    low = RigConfig(supply=SupplyConfig(pressure=300e3))
+    level = 0.95 * paper_bundle.force(0.16, np.array([paper_bundle.max_pressure, 0.0]))
+    log = ClosedLoop(paper_bundle, rig=low, seed=1).run(
+        path([0.0, 1.0, 14.0], [0.5 * level, level, level]))
+    last = log.time > log.time[-1] - 1.0
+    assert log.pressure[last, 0].max() < 301e3
+    assert abs(np.mean(log.error[last])) < 0.3
+
+
+@pytest.mark.parametrize('period', [4e-3, 10e-3, 20e-3])
+def test_a_ramp_is_followed_at_any_rate_of_the_controller(paper_bundle, period):
+    """A setpoint that is held for a sample is half of it late; the feed-forward knows."""
+    loop = ClosedLoop(paper_bundle, seed=1, noise_factor=0.0, period=period)
+    log = loop.run(Trajectory('ramp', 'force', 1.5, lambda t: 10.0 + 40.0 * max(t, 0.0),
+                              lambda t: 40.0 if t > 0.0 else 0.0, Dynamometer(0.1), prepare=0.5))
+    assert abs(np.mean(log.error[log.time > 0.5])) < 0.3

@@ -226,9 +226,10 @@ def test_the_bank_goes_from_patient_to_quick_in_equal_ratios():
     assert state.bank == pytest.approx(1.0 - np.exp(-time / spans))
 
 
-@pytest.mark.parametrize(('missing', 'found'), [(0.8, -0.8), (-0.8, 0.8), (1.2, 0.0)])
+@pytest.mark.parametrize(('missing', 'found'), [
+    (0.8, -0.8), (-0.8, 0.8), (3.0, -60.0 * LAG / 2.5), (-3.0, 60.0 * LAG / 2.5)])
 def test_what_pressures_do_not_give_is_asked_for_besides(missing, found):
-    """A valve that sticks by less than the reach; more than that is on its way or lost."""
+    """A valve that sticks by less than the reach; of more the reach in 2.5 s: it may be coming."""
     state = ObserverState()
     for _ in range(round(60.0 * LAG / DT)):
         observe(state, 50.0, 50.0, 50.0 + missing, 1.0, LAG, DT)

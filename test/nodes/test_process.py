@@ -11,10 +11,13 @@ import subprocess
 import sys
 
 import pytest
+from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.resources import config_path
 
 
@@ -124,6 +127,32 @@ def test_bad_parameter_is_one_line_and_status_2(domain_id, node, argument, text,
     assert len(errors.strip().splitlines()) == 1
     assert errors.startswith(f'{node}: ')
     assert text in errors
+
+
+@pytest.mark.parametrize(('section', 'right'), [
+    ('recruitment_controller', False), ('/left/recruitment_controller', False), ('/**', True),
+    ('/bundle/recruitment_controller', True), ('/**/recruitment_controller', True),
+    ('/*/model_monitor', True), ('/*', False), ('bundle', True)])
+def test_a_parameter_file_for_other_nodes_does_not_run_a_rig_on_defaults(
+        tmp_path, ros_context, section, right):
+    """ROS ignores sections that match no node: a name alone is of the root namespace."""
+    path = tmp_path / 'rig.yaml'
+    body = '  ros__parameters:\n    outer:\n      delay: 0.02\n'
+    if section == 'bundle':
+        body = '  recruitment_controller:\n' + body.replace('  ', '    ')
+    path.write_text(f'{section}:\n{body}', encoding='utf-8')
+    context = Context()
+    context.init(args=['--ros-args', '--params-file', str(path), '-p', 'outer.delay:=0.02'])
+    try:
+        if right:
+            for node in make_nodes(context, files=[str(path)]):
+                node.destroy_node()
+        else:
+            with pytest.raises(InputError, match=r'rig.yaml: section /\S+ is for no node .*'
+                               '/bundle/recruitment_controller'):
+                make_nodes(context, files=[str(path)])
+    finally:
+        context.try_shutdown()
 
 
 def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path, start):

@@ -15,6 +15,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool
 import yaml
 
+from fam_bundle_ros.control.safety import Health
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
@@ -226,6 +227,20 @@ def test_enable_names_what_speaks_against_it(graph, rig):
     graph.until(lambda: max(rig.node._oversight.pressure) > 400e3, 'the reading')
     assert 'mu2 is at 500 kPa, above 396 kPa' in enabled(graph)[1]
     graph.spin(0.3)
+    assert set(rig.leaves) == {False}
+
+
+@pytest.mark.parametrize('silent', ['force', 'strain'])
+def test_enable_is_refused_while_a_sensor_is_silent(graph, rig, silent):
+    """It would open the supply, and latch two seconds later."""
+    rig = rig(enable=False)
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
+    place = ('force', 'strain').index(silent)
+    rig.outputs[place] = (SimpleNamespace(publish=lambda message: None), rig.outputs[place][1])
+    graph.until(lambda: rig.node._oversight.watches[place].health == Health.VENT, 'silence')
+    success, message = enabled(graph)
+    assert not success
+    assert f'{silent}: no reading for' in message
     assert set(rig.leaves) == {False}
 
 

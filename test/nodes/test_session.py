@@ -275,6 +275,7 @@ def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id
     # The reference of the trajectory at that moment: absolute, hence 101 kPa or more.
     assert float(text.partition('mu2/pressure unit: ')[2].partition(' kPa')[0]) > 100.0
     assert ' N, noise ' in text
+    assert 'motor units: 2, but 1 in the model' in text
     assert record(tmp_path / 'bag', 1.5, domain=domain_id) > 500
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
