@@ -265,7 +265,7 @@ def test_numba_is_imported_only_when_a_loop_is_compiled():
 def test_other_units_take_over_what_a_low_supply_does_not_give(paper_bundle):
     """A unit that cannot reach its setpoint is no transient: the error goes within ten seconds."""
     low = RigConfig(supply=SupplyConfig(pressure=300e3))
-    level = 0.95 * paper_bundle.force(0.16, np.array([paper_bundle.max_pressure, 0.0]))
+    level = 0.95 * paper_bundle.force(0.16, paper_bundle.max_pressure * np.array([1.0, 0.0]))
     log = ClosedLoop(paper_bundle, rig=low, seed=1).run(
         path([0.0, 1.0, 14.0], [0.5 * level, level, level]))
     last = log.time > log.time[-1] - 1.0

@@ -132,8 +132,8 @@ def test_feed_forward_leads(paper_bundle):
     Of the dead time commands have what readings have not.
     """
     for reading_share, force in ((1.0, 41.0), (0.5, 42.0), (0.0, 43.0)):
-        target = Loop(paper_bundle, lead_time=5e-3 - HOLD, delay=10e-3, reading_share=reading_share,
-                      feedback=False).run(40.0, rate=200.0)
+        target = Loop(paper_bundle, lead_time=5e-3 - HOLD, delay=10e-3, feedback=False,
+                      reading_share=reading_share).run(40.0, rate=200.0)
         assert target.force == target.feed_forward == pytest.approx(force)
 
 
