@@ -54,7 +54,7 @@ def artefacts(fitter: Fitter, chosen: Fit, physics: Fit, floor: NoiseFloor,
     if floor.hides_loops:
         found.append(Artefact(floor.note, 'log the time of each row and measure again'))
     if not data.is_static:
-        found += [*_vibrations(fitter, chosen)] or [*_drifts(fitter, chosen)]
+        found += [*_vibrations(fitter, chosen, physics)] or [*_drifts(fitter, chosen)]
     return tuple(found)
 
 
@@ -73,23 +73,29 @@ def _part(covariance: Covariance, fit: Fit, h: Hyper) -> np.ndarray:
 
 def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
     """Return the offsets between the trials of a log, if they are visible in the noise."""
-    residual = cells.data.force - physics.model.predict(cells.motion)
     kept = cells.label >= 0
-    found = trial_offsets(cells.data.select(kept), residual[kept])
+    found = trial_offsets(cells.data.select(kept), _left(cells, physics)[kept])
     return found if found is not None and found.size > settings.VISIBLE * cells.noise else None
 
 
-def _vibrations(fitter: Fitter, fit: Fit) -> Iterator[Artefact]:
+def _left(cells: Cells, fit: Fit) -> np.ndarray:
+    """Return the error of a fit's effects in the rows, (T,), N."""
+    return cells.data.force - fit.model.predict(cells.motion)
+
+
+def _vibrations(fitter: Fitter, chosen: Fit, physics: Fit) -> Iterator[Artefact]:
     """
     Yield the vibration in what is left, if it is visible in the noise of rows.
 
-    The discrepancy in strain, pressure and direction is subtracted: motion is periodic as well.
+    First in the error of the effects alone: at places that were visited once, the discrepancy
+    follows the vibration. If other errors are as large, the discrepancy is subtracted.
     """
     cells = fitter.cells
     kept = cells.label >= 0
-    smooth = _part(fitter.covariance, fit, fit.hyper._replace(slow=0))
-    rest = (cells.data.force - fit.model.predict(cells.motion))[kept] - smooth[cells.label[kept]]
-    found = vibration(cells.data.select(kept), rest, cells.noise)
+    data = cells.data.select(kept)
+    smooth = _part(fitter.covariance, chosen, chosen.hyper._replace(slow=0))[cells.label[kept]]
+    found = (vibration(data, _left(cells, physics)[kept], cells.noise)
+             or vibration(data, _left(cells, chosen)[kept] - smooth, cells.noise))
     if found is not None and found.amplitude > np.sqrt(2.0) * settings.VISIBLE * cells.noise:
         yield Artefact(
             f'the force swings by {found.amplitude:.2g} N with a period of {found.period:.2g} s, '

@@ -16,9 +16,9 @@ from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.settings import Choices
 
 
-def swing(size):
-    """Return a force of the rig that swings by ``size`` N every 2.2 s."""
-    return lambda strain, pressure, way, time: size * np.sin(2.0 * np.pi * time / 2.2)
+def swing(size, period=2.2):
+    """Return a force of the rig that swings by ``size`` N, by default every 2.2 s."""
+    return lambda strain, pressure, way, time: size * np.sin(2.0 * np.pi * time / period)
 
 
 def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
@@ -60,6 +60,13 @@ def test_vibration_beside_an_effect_is_a_caution(make_sweeps, paper_muscle):
     assert found.verdict == 'partial'
     assert found.effects == ('coulomb_friction',)
     assert any('with a period of 2.2 s' in words for words in found.artefacts)
+
+
+def test_a_vibration_is_found_where_no_place_was_visited_twice(make_sweeps, paper_muscle):
+    """The discrepancy could follow it there, as a function of strain and pressure."""
+    data = make_sweeps(cycles=1, extra=swing(2.5, 4.1))
+    found = diagnose(paper_muscle, data.select(data.trial < 3))
+    assert found.summary.startswith('the force swings by 2.5 N with a period of 4.2 s')
 
 
 def test_vibration_is_told_beside_a_shape_that_no_effect_has(make_sweeps, paper_muscle):
