@@ -12,8 +12,8 @@ from scipy.stats import f as f_distribution
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.rates import FALSE_ALARM
 
-#: Zero padding of the spectrum: the height of a peak is found within 3 %.
-_PADDED = 4
+#: Zero padding of the spectrum: the amplitude of a peak is found within 1 %.
+_PADDED = 8
 #: Bins over the range of strain, in which a periodic function of the strain is seen.
 _BINS = 60
 
