@@ -71,7 +71,8 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     height = power[peak]
     if free < 1 or not 0.0 < total - len(rows) * noise ** 2 < 2.0 * height:
         return None
-    ratio = height / (2 * len(trials)) / (max(total - height, 0.0) / free)
+    left = max(total - height, np.finfo(float).eps * total)
+    ratio = height / (2 * len(trials)) / (left / free)
     chance = f_distribution.sf(ratio, 2 * len(trials), free)
     if len(frequency) / _PADDED * chance > FALSE_ALARM:
         return None

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
 from fam_bundle_ros.data.vibration import vibration
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells, negligible
-from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 
 
@@ -60,15 +61,8 @@ def artefacts(fitter: Fitter, chosen: Fit, physics: Fit, floor: NoiseFloor,
 
 def drift(covariance: Covariance, fit: Fit) -> float:
     """Return the size of the part of the discrepancy that is a function of time, N rms."""
-    h = fit.hyper._replace(even=0, odd=0, speed=0)
-    return float(np.sqrt(np.mean(_part(covariance, fit, h) ** 2)))
-
-
-def _part(covariance: Covariance, fit: Fit, h: Hyper) -> np.ndarray:
-    """Return the posterior mean of a part of the discrepancy in the cells, (n,), N."""
-    if h.is_white:
-        return np.zeros(len(fit.residual))
-    return covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper), fit.residual)
+    slow = fit.hyper._replace(even=0, odd=0, speed=0)
+    return rms(covariance.mean_of(slow, fit.hyper, fit.residual))
 
 
 def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
@@ -93,9 +87,11 @@ def _vibrations(fitter: Fitter, chosen: Fit, physics: Fit) -> Iterator[Artefact]
     cells = fitter.cells
     kept = cells.label >= 0
     data = cells.data.select(kept)
-    smooth = _part(fitter.covariance, chosen, chosen.hyper._replace(slow=0))[cells.label[kept]]
+    smooth = fitter.covariance.mean_of(chosen.hyper._replace(slow=0), chosen.hyper,
+                                       chosen.residual)
     found = (vibration(data, _left(cells, physics)[kept], cells.noise)
-             or vibration(data, _left(cells, chosen)[kept] - smooth, cells.noise))
+             or vibration(data, _left(cells, chosen)[kept] - smooth[cells.label[kept]],
+                          cells.noise))
     if found is not None and found.amplitude > np.sqrt(2.0) * settings.VISIBLE * cells.noise:
         yield Artefact(
             f'the force swings by {found.amplitude:.2g} N with a period of {found.period:.2g} s, '

@@ -156,6 +156,10 @@ class Covariance:
             daxpy(part.ravel(), k.ravel(), a=variance)
         return k
 
+    def mean_of(self, part: Hyper, whole: Hyper, residual: np.ndarray) -> np.ndarray:
+        """Return the posterior mean of a part of the discrepancy in the cells, (n,), N."""
+        return self.structured(part) @ np.linalg.solve(self.matrix(whole), residual)
+
     def across(self, h: Hyper, strain: np.ndarray, pressure: np.ndarray,
                unit: int | None = None) -> np.ndarray:
         """

@@ -74,8 +74,7 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     rough = covariance.white_sd(fit.hyper)
     if h.is_white:
         return Left(0.0, rough, rough)
-    smooth = covariance.structured(h) @ np.linalg.solve(covariance.matrix(fit.hyper),
-                                                        fit.residual)
+    smooth = covariance.mean_of(h, fit.hyper, fit.residual)
     beside = square = float(np.mean(smooth ** 2))
     if not (implausible_geometry(physics) or _impossible(physics)):
         square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))

@@ -67,6 +67,12 @@ def test_a_ripple_over_the_strain_is_no_vibration(ripple):
         0.625, rel=0.02)
 
 
+def test_a_pure_sine_is_found_without_a_warning():
+    """Nothing else is left to compare it with."""
+    data = log(1)
+    assert vibration(data, np.sin(2.0 * np.pi * data.time / 2.0), 0.0).period == pytest.approx(2.0)
+
+
 def test_a_vibration_smaller_than_the_noise_is_found():
     """It is half of the noise, and nothing else exceeds the noise."""
     data = log()
