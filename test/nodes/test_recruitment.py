@@ -527,10 +527,12 @@ def test_diagnostics_explain_the_decision(graph, bundle):
     graph.advance(rig, 0.5)
 
     def mine():
-        return [m.status[0] for m in seen
+        said = [{v.key: v.value for v in m.status[0].values} for m in seen
                 if m.status[0].name == 'bundle/recruitment_controller']
+        # the first one may be from before the first sample
+        return [values for values in said if 'recruitment' in values]
     graph.until(mine, 'diagnostics')
-    values = {v.key: v.value for v in mine()[-1].values}
+    values = mine()[-1]
     assert values['recruitment'] == 'RS1'
     first = np.array([rig.rig.bundle.max_pressure[0], 0.0])
     most = rig.rig.bundle.force(rig.rig.truth.strain, first)
