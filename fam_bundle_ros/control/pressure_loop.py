@@ -42,6 +42,8 @@ _EMPTY = 1e3
 _LAG_DOUBT, _SAMPLE_DOUBT = 0.1, 0.5
 #: Length of the ring buffers over the lag from command to reading.
 _PLACES = 64
+#: s: averaging time for the persistence of the muscle's motion.
+_MOTION_TIME = 0.5
 #: Decay time of the effect of a wide opening, in lags from command to reading.
 _GONE = 3.0
 #: Limit of the integral, for leaks and slow errors, as a share of the valve's rate. An error that
@@ -106,9 +108,11 @@ class PidState:
         Setpoint, limited to what the valve can follow.
     sent : float, Pa
         Integral of the commanded pressure rates.
-    past_time, past_sent, past_open, past_flow : list (64,), s, Pa, s and s
-        Ring buffers of time, ``sent``, `ValveLearningState.open` and ``flow`` over the lag from
-        command to reading; ``head`` is the oldest of ``size`` entries.
+    past_time, past_sent, past_open, past_flow, past_motion : list (64,), s, Pa, s, s and m^3/s
+        Ring buffers of time, ``sent``, `ValveLearningState.open` and ``flow``, and volume rate
+        over the lag from command to reading; ``head`` is the oldest of ``size`` entries.
+    moved, alike : float, m^6/s^2
+        Mean square of the volume rate; its mean product with that of half a lag before.
     coming : float, Pa
         Pressure change that was commanded and that the reading does not show yet.
     clock : float, s
@@ -133,6 +137,9 @@ class PidState:
     past_sent: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
     past_open: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
     past_flow: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
+    past_motion: list[float] = field(default_factory=lambda: [0.0] * _PLACES)
+    moved: float = 0.0
+    alike: float = 0.0
     head: int = 0
     size: int = 0
     clock: float = 0.0
@@ -193,6 +200,7 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
     open_then = past_value(state, state.past_open, state.clock - lag)
     flow_then = past_value(state, state.past_flow, state.clock - lag)
     error = error_beyond_noise(settings, state, pressure, dt)
+    lasts = motion_lasts(state, volume_rate, lag, dt)
     doubt = dead_band_doubt(settings.valve.dead_band)
     compensated = learn_dead_band(learnt, doubt, pressure, state.sent - state.coming, open_then,
                                   state.integral, full, drift - slowest, lag, dt)
@@ -216,7 +224,8 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
                < 0.2 * settings.p * settings.quiet_error)
     opening, possible = 0.0, 0.0
     if not at_rest:
-        flow = flow_for(absolute, volume, volume_rate if settings.feed_forward else 0.0, wanted)
+        motion = volume_rate if settings.feed_forward and lasts else 0.0
+        flow = flow_for(absolute, volume, motion, wanted)
         limit = filling if flow >= 0.0 else -venting
         opening = min(max(flow / max(limit, 1e-12), -1.0), widest)
         possible = min(max(wanted, slowest), fastest)
@@ -243,6 +252,7 @@ def forget(state: Any, command: float) -> None:
     state.integral = state.carried = 0.0
     state.followed = state.filtered = state.quiet = 0.0
     state.measured_rate = state.clock = state.sent = state.coming = 0.0
+    state.moved = state.alike = 0.0
     state.head = state.size = 0
     state.started = False
 
@@ -262,6 +272,7 @@ def start(settings: Any, state: Any, pressure: float, source: float, volume: flo
     state.started = True
     state.followed = state.filtered = pressure
     state.past_time[0] = state.past_sent[0] = state.past_open[0] = state.past_flow[0] = 0.0
+    state.past_motion[0] = volume_rate
     state.size = 1
     begin_readings(state.learnt, pressure)
     opening = valve_opening(settings.valve, state.command)
@@ -344,6 +355,22 @@ def still_coming(settings: Any, state: Any, dt: float) -> tuple[float, float]:
         state.past_open[new], state.past_flow[new] = state.learnt.open, state.learnt.flow
         state.size += 1
     return min(first, last, state.coming), max(first, last, state.coming)
+
+
+def motion_lasts(state: Any, volume_rate: float, lag: float, dt: float) -> bool:
+    """
+    Return whether the volume rate (m^3/s) changes so slowly that feed-forward of it helps.
+
+    Feed-forward acts a lag (s) late. In an oscillation whose half period is shorter it would add
+    energy: it is left out from a third of the period on, where the mean product of the rate with
+    that of half a lag before is below half of the mean square.
+    """
+    state.past_motion[(state.head + state.size - 1) % _PLACES] = volume_rate
+    then = past_value(state, state.past_motion, state.clock - 0.5 * lag)
+    share = 1.0 - math.exp(-dt / _MOTION_TIME)
+    state.alike += share * (volume_rate * then - state.alike)
+    state.moved += share * (volume_rate * volume_rate - state.moved)
+    return state.alike >= 0.5 * state.moved
 
 
 def past_value(state: Any, values: Any, time: float) -> float:

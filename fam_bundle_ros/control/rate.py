@@ -24,7 +24,7 @@ from fam_bundle_ros.control.observer import (
 )
 
 #: s: shortest window; number of windows, each twice as long as the one before.
-_SHORTEST, _WINDOWS = 0.01, 5
+_SHORTEST, WINDOWS = 0.01, 5
 #: Tolerance for the agreement of windows, in sd of their rates.
 _AGREE = 2.0
 #: Thresholds of the rate in sd: a motion begins above the first and ends below the second; after
@@ -67,9 +67,9 @@ class RateState:
     """
 
     reading: float = 0.0
-    once: list[float] = field(default_factory=lambda: [0.0] * _WINDOWS)
-    twice: list[float] = field(default_factory=lambda: [0.0] * _WINDOWS)
-    thrice: list[float] = field(default_factory=lambda: [0.0] * _WINDOWS)
+    once: list[float] = field(default_factory=lambda: [0.0] * WINDOWS)
+    twice: list[float] = field(default_factory=lambda: [0.0] * WINDOWS)
+    thrice: list[float] = field(default_factory=lambda: [0.0] * WINDOWS)
     rate: float = 0.0
     slope: float = 0.0
     window: float = _SHORTEST
@@ -115,7 +115,7 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
     """
     if state.seen == 0:
         state.reading = state.last = state.before = strain
-        for k in range(_WINDOWS):
+        for k in range(WINDOWS):
             state.once[k] = state.twice[k] = state.thrice[k] = strain
     # Noise may start suddenly, as where a constant reading begins to toggle between two values.
     change = second_difference(state, strain)
@@ -150,7 +150,7 @@ def believe_window(state: Any, strain: float, noise: float, dt: float) -> None:
     in series, each exact for a strain that is linear between readings.
     """
     window, low, high, agree = _SHORTEST, -math.inf, math.inf, True
-    for k in range(_WINDOWS):
+    for k in range(WINDOWS):
         kept = math.exp(-dt / window)
         mean = (1.0 - kept) * window / dt
         now, past = 1.0 - mean, mean - kept
@@ -169,6 +169,12 @@ def believe_window(state: Any, strain: float, noise: float, dt: float) -> None:
             state.rate, state.window = rate, window
             state.slope = (first - 2.0 * second + third) / (window * window)
         window *= 2.0
+
+
+def line_of(state: Any, window: int) -> tuple[float, float]:
+    """Return level, and slope (1/s), of the straight line fitted over a window (index)."""
+    first, second = state.once[window], state.twice[window]
+    return 2.0 * first - second, (first - second) / (_SHORTEST * 2.0 ** window)
 
 
 def rate_doubt(window: float, dt: float) -> float:

@@ -69,6 +69,11 @@ from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahe
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
+from fam_bundle_ros.control.strain_prediction import (
+    forget_prediction,
+    PredictionState,
+    strain_ahead,
+)
 from fam_bundle_ros.control.switching import (
     Demand,
     MachineState,
@@ -136,6 +141,7 @@ class RecruitmentState:
     shares: Shares
     adaptation: AdaptationState
     rate: RateState = field(default_factory=RateState)
+    prediction: PredictionState = field(default_factory=PredictionState)
     outer: OuterState = field(default_factory=OuterState)
     baseline: BaselineState = field(default_factory=BaselineState)
     demand: Demand = field(default_factory=Demand)
@@ -164,6 +170,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_outer(state.outer)
     forget_baseline(state.baseline)
     forget_rate(state.rate)
+    forget_prediction(state.prediction)
     for unit in range(n):
         state.asleep[unit] = state.table.lowered[unit] = 0
     state.crossings.count = 0
@@ -265,7 +272,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
                    value - outer.behind * rate - measurement.force, rate, outer.lag, dt)
     # Predicted strain when the commanded pressures are reached.
     ahead = command_lag(settings.outer, dt)
-    coming = measurement.strain + ahead * strain_rate
+    coming = strain_ahead(state.prediction, state.rate, measurement.strain, strain_rate, ahead, dt)
     follows = kind == STRAIN and settings.outer.feed_forward
     # A force reference does not prescribe a strain: use the measured rate.
     if follows:

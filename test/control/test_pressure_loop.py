@@ -66,6 +66,21 @@ def test_the_command_gives_the_rate_that_feedback_asks_for(jump, volume_rate):
     assert not pid.diagnostics.saturated
 
 
+@pytest.mark.parametrize(('hertz', 'share'), [(0.0, 1.0), (2.0, 1.0), (25.0, 0.0), (50.0, 0.0),
+                                              (70.0, 0.0)])
+def test_a_motion_that_turns_within_the_lag_is_not_compensated(hertz, share):
+    """With a lag of 20 ms, of which one is a sample: 50 Hz agrees with itself one lag before."""
+    config = PidConfig(supply=SUPPLY, volume=V, flow_lag=18e-3, **NOISELESS)
+    moved, resting = (PressurePid(PidGains(0.0, 0.0, 0.0), config) for _ in range(2))
+    for k in range(1000):
+        motion = 2e-5 * math.cos(2.0 * math.pi * hertz * k * DT)
+        command = moved.update(200e3, 200e3, DT, SUPPLY, V, motion)
+        still = resting.update(200e3, 200e3, DT, SUPPLY, V, 0.0)
+        if k > 900 and abs(motion) > 1e-5:
+            wanted = rate_of(config, command, 200e3, share * motion)
+            assert wanted == pytest.approx(rate_of(config, still, 200e3), abs=100.0)
+
+
 @pytest.mark.parametrize(('setpoint', 'sign'), [(450e3, 1.0), (20e3, -1.0)])
 def test_more_than_the_valve_can_do_is_done_fully_open(setpoint, sign):
     """The setpoint is followed at 97 % of that; what is expected is what the valve gives."""
