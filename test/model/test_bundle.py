@@ -55,17 +55,24 @@ def test_no_dip_before_the_free_strain(paper_bundle):
 def test_a_unit_that_never_helps_has_no_onset(paper_bundle):
     """Past the free strain of its highest pressure a unit only pushes back."""
     assert np.isnan(paper_bundle.onset_pressure(0.25, 2))
+    onset = paper_bundle.onset_pressure(0.2, 2)
+    just, not_quite = (Bundle('two', units(2, share * onset), paper_bundle.effects)
+                       for share in (1.001, 0.999))
+    assert_allclose(just.onset_pressure(0.2, 2), onset, rtol=1e-6)
+    assert np.isnan(not_quite.onset_pressure(0.2, 2))
 
 
-@given(st.floats(0.02, 0.22), st.floats(0.0, 1.0))
-def test_both_states_reach_every_force_of_the_overlap(strain, where):
-    """One force and strain, two ways to make it: that is what overlap means."""
-    bundle = Bundle('two', units(2), [mesh(), bladder_elasticity()]).with_effect(
-        'resistive_buckling')
+@given(st.floats(0.02, 0.22), st.floats(0.0, 1.0), st.sampled_from([
+    (344.7e3, 344.7e3), (250e3, 400e3), (400e3, 250e3), (40e3, 344.7e3), (344.7e3, 40e3)]))
+def test_both_states_reach_every_force_of_the_overlap(strain, where, highest):
+    """One force and strain, two ways to make it, each within the limits of its unit."""
+    bundle = Bundle('two', [replace(unit, max_pressure=limit)
+                            for unit, limit in zip(units(2), highest, strict=True)],
+                    [mesh(), bladder_elasticity()]).with_effect('resistive_buckling')
     overlap = bundle.overlap(strain, 1)
     demand = overlap.low + where * overlap.width
     for state in (1, 2):
-        last = np.linspace(0.0, 344.7e3, 4001)
+        last = np.linspace(0.0, highest[state - 1], 4001)
         force = bundle.force(strain, bundle.state_pressures(state, last))
         assert np.min(np.abs(force - demand)) < 0.15
 
@@ -86,6 +93,25 @@ def test_an_added_effect_leaves_the_model_it_was_added_to_alone(muscle):
     assert [e.name for e in muscle.effects] == ['mesh', 'bladder_elasticity']
     assert other.effect('coulomb_friction').force == 4.0
     assert other.without_effect('coulomb_friction').force(0.1, [2e5]) == muscle.force(0.1, [2e5])
+    again = other.with_effect('coulomb_friction', force=7.0)
+    assert [e.name for e in again.effects] == [e.name for e in other.effects]
+    assert again.effect('coulomb_friction').force == 7.0
+
+
+def test_under_another_name_a_model_is_the_same(muscle):
+    """Error and notes stay unless others are given."""
+    first = muscle.named('first', 1.5, {'by': 'me'})
+    assert (first.name, first.error, first.notes) == ('first', 1.5, {'by': 'me'})
+    second = first.named('second')
+    assert (second.name, second.error, second.notes) == ('second', 1.5, {'by': 'me'})
+    assert second.force(0.1, [2e5]) == muscle.force(0.1, [2e5])
+
+
+def test_without_sensor_effects_readings_are_the_truth(paper_bundle):
+    """At any time and rate, and back."""
+    shown = paper_bundle.readings(90.0, 0.2, np.array([1e5, 0.0]), 30.0, 0.5)
+    assert_allclose(np.hstack(shown), [90.0, 0.2, 1e5, 0.0], rtol=0.0)
+    assert_allclose(np.hstack(paper_bundle.felt(*shown[1:], 30.0, 0.5)), [0.2, 1e5, 0.0], rtol=0.0)
 
 
 def test_a_pressure_for_another_number_of_units_is_refused(paper_bundle):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Laws put together: by place, in any order, in text that can be read."""
 
+from dataclasses import replace
 import traceback
 
 import numpy as np
@@ -10,12 +11,21 @@ import pytest
 
 from fam_bundle_ros import kernels, model
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, catalogue, law, loads_model, Motion, Parameter, Place
+from fam_bundle_ros.model import (
+    Bundle,
+    catalogue,
+    law,
+    loads_model,
+    Motion,
+    MotorUnit,
+    Parameter,
+    Place,
+)
 from fam_bundle_ros.model.compose import composition
 from fam_bundle_ros.model.laws.base import KINDS
 from fam_bundle_ros.model.laws.mesh import mesh
 
-from .conftest import units
+from .conftest import PAPER, units
 
 FACTS = {'family': 'user', 'summary': 's', 'source': 's', 'signature': 's'}
 
@@ -241,6 +251,20 @@ def test_unequal_units_have_a_parameter_for_each_but_the_first():
     values = {f'mu{i}': 0.01 * i for i in range(2, 7)}
     unequal = Bundle('b', units(7), [mesh(), law_of(**values)]).unit_forces(0.1, np.full(7, 1e5))
     assert_allclose(unequal / equal, [1.0, 1.02, 1.03, 1.04, 1.05, 1.06, 1.0])
+
+
+def test_a_larger_section_is_a_larger_muscle_of_the_same_length():
+    """Its force by every law, and its gas: those of radius and wall larger by the root."""
+    effects = [catalogue.get(name)() for name, law in catalogue.available().items()
+               if law.place in (Place.FORCE, Place.LIMIT, Place.LOSS) and law.load is None]
+    large = replace(PAPER, radius=np.sqrt(1.3) * PAPER.radius,
+                    wall_thickness=np.sqrt(1.3) * PAPER.wall_thickness)
+    mixed = Bundle('mixed', [units(1)[0], MotorUnit('mu2', 1, large)], effects)
+    told = Bundle('told', units(2), [*effects, catalogue.get('motor_unit_mismatch')(mu2=0.3)])
+    strain, pressure = np.linspace(0.0, 0.3, 7), np.full((7, 2), 1e5)
+    assert_allclose(told.unit_forces(strain, pressure, 0.1),
+                    mixed.unit_forces(strain, pressure, 0.1), rtol=1e-12)
+    assert_allclose(told.gas_volume(strain), mixed.gas_volume(strain), rtol=1e-12)
 
 
 def test_gauges_of_a_bundle_have_errors_of_their_own():

@@ -3,6 +3,7 @@
 """Formulas of a model file: what they may say, and what becomes of them."""
 
 import inspect
+import itertools
 import operator
 import re
 
@@ -151,6 +152,24 @@ OPERATIONS = {
     '**': operator.pow, '<': operator.lt, '<=': operator.le, '>': operator.gt, '>=': operator.ge,
     '==': operator.eq, '!=': operator.ne, '|': operator.or_, '&': operator.and_,
     'neg': operator.neg}
+
+
+@pytest.mark.parametrize('name', ['+', '-', '*', '/', '**'])
+def test_what_is_simplified_keeps_its_value(name):
+    """Zeros, ones and signs may go where that is exact, on either side, and nothing else."""
+    graph, values = Graph(), {'a': 3.0, 'b': 0.5}
+    a, b = map(graph.argument, values)
+    sides = [('a', a), ('-a', -a), ('a - b', a - b), ('-(a * b)', -(a * b)), *(
+        (str(number), graph.constant(number)) for number in (-2.0, -1.0, 0.0, 1.0, 2.0))]
+    for (first, left), (second, right) in itertools.product(sides, sides):
+        meant = [eval(side, values) for side in (first, second)]
+        if (name == '/' and not meant[1]) or (name == '**' and meant[0] <= 0.0):
+            continue
+        node = graph.make(name, left, right)
+        writer, names = Writer([node], []), dict(values)
+        exec('\n'.join(writer.lines), names)
+        assert eval(writer.text(node), names) == pytest.approx(
+            OPERATIONS[name](*meant), rel=1e-15), (first, second)
 
 
 @pytest.mark.parametrize('outer', list(OPERATIONS)[:-1])

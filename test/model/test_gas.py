@@ -16,7 +16,8 @@ from fam_bundle_ros.model.laws.mesh import mesh
 from .conftest import PAPER, units
 
 FORMULAS = ('0.1 * strain', '0.02 + 0.3 * strain', 'k * strain ** 2 * tanh(pressure / 1e5 / u)',
-            '-0.1 * sin(3 * strain)', '0.05 * exp(-pressure / 2e5 / u) * strain + 0.01')
+            '-0.1 * sin(3 * strain)', '0.05 * exp(-pressure / 2e5 / u) * strain + 0.01',
+            '0.1 * (1 - stretch ** 2)')
 
 
 def formula(number):

@@ -172,7 +172,7 @@ def test_record_equals_the_bundle_sample_by_sample(way):
     log_starts = replace(motion, start=None)
     state, forces = bundle.start_state(), []
     for k in range(100):
-        dt = motion.time[k] - motion.time[k - 1] if k else 0.0
+        dt = motion.time[k] - motion.time[k - 1] if k else 7.0  # not used
         force, state = bundle.step(state, dt, motion.strain[k], motion.pressure[k],
                                    motion.strain_rate[k])
         forces.append(force)
@@ -361,12 +361,14 @@ def test_what_is_prepared_is_what_runs(monkeypatch):
 def test_a_large_map_is_computed_in_blocks():
     """Forces of many points at rest, on a grid of any shape, are those of each point."""
     bundle = whole_catalogue(np.random.default_rng(18))
-    strain = np.linspace(0.0, 0.3, 90)[:, None]
+    strain, rate = np.linspace(0.0, 0.3, 180)[:, None], np.linspace(-0.3, 0.2, 60)
     pressure = np.random.default_rng(19).uniform(0.0, 3e5, (1, 60, 2))
-    forces = bundle.unit_forces(strain, pressure, 0.01)
-    assert forces.shape == (90, 60, 2)
-    assert_allclose(forces[37, 41], bundle.unit_forces(strain[37, 0], pressure[0, 41], 0.01),
-                    rtol=1e-12)
+    forces = bundle.unit_forces(strain, pressure, rate)
+    assert forces.shape == (180, 60, 2)
+    assert forces.size > 2 * rows.BLOCK
+    for i, j in ((0, 0), (37, 41), (179, 59)):
+        assert_allclose(forces[i, j], bundle.unit_forces(strain[i, 0], pressure[0, j], rate[j]),
+                        rtol=1e-12)
 
 
 @pytest.mark.parametrize('timed', [True, False])

@@ -32,13 +32,14 @@ def test_affine_scan_is_the_loop_and_can_be_cut_anywhere(record, cut):
 
 def test_a_reset_forgets_what_is_not_a_number():
     """One bad row of a trial does not reach the next one, in a long record or step by step."""
-    gain = np.where(np.arange(40) == 20, 0.0, 0.5)
-    offset = np.ones(40)
-    offset[3] = np.nan
-    result = affine_scan(gain, offset, 0.0)
-    assert np.all(np.isnan(result[3:20]))
-    assert_allclose(result[20:], affine_scan(gain[20:], offset[20:], np.nan))
-    assert np.all(np.isfinite(result[20:]))
+    whole = np.ones(40)
+    for reset in range(1, 40):
+        gain = np.where(np.arange(40) == reset, 0.0, 0.5)
+        offset = np.where(np.arange(40) == max(reset - 17, 0), np.nan, whole)
+        result = affine_scan(gain, offset, 0.0)
+        assert np.all(np.isnan(result[max(reset - 17, 0):reset]))
+        assert_allclose(result[reset:], affine_scan(gain[reset:], whole[reset:], np.nan))
+        assert_allclose(result[reset:], 2.0 - 0.5 ** np.arange(40 - reset))
 
 
 @given(records)

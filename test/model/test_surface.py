@@ -145,3 +145,20 @@ def test_a_discrepancy_is_bilinear_between_its_points(tmp_path):
         up, down = (bundle.unit_forces(e, 1e3 * np.array(p), rate) for rate in (1.0, -1.0))
         assert_allclose((up + down) / 2, [even(1, e, p[0]), even(2, e, p[1])])
         assert_allclose((up - down) / 2, [odd(1, e, p[0]), odd(2, e, p[1])])
+
+
+def test_two_tables_in_a_model_are_two(table, tmp_path):
+    """What is left over is added to the measured force, whichever is named first."""
+    (tmp_path / 'left.csv').write_text('strain,pressure [kPa],force [N],odd [N],motor_unit\n' + (
+        '\n'.join(f'{e},{p},{3.0 + 40.0 * e - 0.02 * p},{0.5 * e},1'
+                  for e in (0.0, 0.1, 0.3) for p in (0.0, 400.0))))
+    _, surface = table
+    left = catalogue.get('discrepancy_surface')(table='left.csv', folder=tmp_path)
+    strain, pressure = np.linspace(0.0, 0.3, 9), np.full((9, 1), 2e5)
+    each = [Bundle('one', units(1), [effect]).force(strain, pressure, 1.0)
+            for effect in (*surface.effects, left)]
+    for effects in ([*surface.effects, left], [left, *surface.effects]):
+        both = Bundle('both', units(1), effects)
+        assert_allclose(both.force(strain, pressure, 1.0), sum(each))
+        one, _ = both.step(both.start_state(), 0.0, strain[4], pressure[4], 1.0)
+        assert_allclose(one, sum(each)[4])
