@@ -14,6 +14,7 @@ from fam_bundle_ros.plant import (
     air_energy,
     available_energy,
     ChamberConfig,
+    fastest_fall,
     fastest_rise,
     liquid_energy,
     SupplyConfig,
@@ -55,18 +56,78 @@ def ample(**values):
     return SupplyConfig(volume=1.0, flow_limit=1.0, **values)
 
 
-def test_open_valve_fills_in_the_least_time():
-    """The circuit with a quick spool reaches 300 kPa when the closed form says so."""
-    c = Circuit(valve=ValveConfig(bandwidth=1e5), supply=ample())
-    c.run([1.0, 1.0], 1e-4, dt=1e-5)
-    already = c.air.pressure[0] - AMBIENT
-    time, dt = 0.0, 1e-4
-    while c.air.pressure[0] - AMBIENT < 300e3:
-        before = c.air.pressure[0] - AMBIENT
-        c.advance(dt, [1.0, 1.0])
+def seconds_to(c, level, command, dt=1e-4):
+    """Return the time until the first chamber has crossed a gauge pressure."""
+    rises, time = level > c.gauge[0], 0.0
+    while (level > c.gauge[0]) == rises:
+        before = c.gauge[0]
+        c.advance(dt, [command, command])
         time += dt
-    time -= dt * (c.air.pressure[0] - AMBIENT - 300e3) / (c.air.pressure[0] - AMBIENT - before)
-    assert time == pytest.approx(fastest_rise(already, 300e3, V[0], 500e3), rel=2e-3)
+    return time - dt * (c.gauge[0] - level) / (c.gauge[0] - before)
+
+
+@pytest.mark.parametrize(('into', 'out'), [(1.2, 1.2), (1.0, 1.4)])
+def test_open_valve_fills_and_vents_in_the_least_time(into, out):
+    """With a quick spool 300 and 100 kPa are reached when the closed forms say so."""
+    c = Circuit(valve=ValveConfig(bandwidth=1e5), supply=ample(),
+                chamber=ChamberConfig(inflow_exponent=into, outflow_exponent=out))
+    c.run([1.0, 1.0], 1e-4, dt=1e-5)
+    least = fastest_rise(c.gauge[0], 300e3, V[0], 500e3, exponent=into)
+    assert seconds_to(c, 300e3, 1.0) == pytest.approx(least, rel=2e-3)
+    c.run([-1.0, -1.0], 1e-4, dt=1e-5)
+    least = fastest_fall(c.gauge[0], 100e3, V[0], exponent=out)
+    assert seconds_to(c, 100e3, -1.0) == pytest.approx(least, rel=2e-3)
+
+
+def test_relief_valve_that_is_fully_open_passes_as_much_as_the_valve():
+    """A chamber far above its band vents through it as fast as through the open valve."""
+    c = Circuit(chamber=ChamberConfig(relief_pressure=300e3, relief_band=20e3))
+    c.air.pressure = [AMBIENT + 600e3] * 2
+    assert seconds_to(c, 400e3, 0.0) == pytest.approx(fastest_fall(600e3, 400e3, V[0]), rel=2e-3)
+
+
+TINY = [1e-7, 1.5e-7]
+
+
+@pytest.mark.parametrize('case', ['fill', 'vent', 'seep', 'leak', 'dump', 'lost supply'])
+def test_three_long_steps_are_as_good_as_many_short_ones(case):
+    """Whatever settles much faster than a step is divided: nothing swings or runs away."""
+    quick = ValveConfig(bandwidth=1e4)
+    small = (SupplyConfig(volume=3e-7, resistance=1e9, dump_conductance=1e-7)
+             if case in ('dump', 'lost supply') else None)
+    found = []
+    for dt in (10e-3, 0.5e-3):
+        c = Circuit(quick, ChamberConfig(relief_pressure=900e3), small, volume=TINY)
+        c.air.pressure = [AMBIENT + 200e3, AMBIENT + 100e3]
+        if case == 'seep':
+            c.air.seep = [0.5, 0.2]
+        c.air.dumping = case == 'dump'
+        if case == 'lost supply':
+            c.air.supply_share = 0.0
+        command = {'fill': 0.5, 'vent': -0.5}.get(case, 0.0)
+        c.run([command] * 2, 30e-3, TINY, [2e4, 1e4] if case == 'leak' else CALM, dt)
+        found.append([*c.air.pressure, c.air.manifold])
+    assert found[0] == pytest.approx(found[1], abs=100.0)
+
+
+@pytest.mark.parametrize('line', [0.0, 3e-6], ids=['one volume', 'line apart'])
+def test_flows_add_up_to_fourth_order(line):
+    """Manifold, lines, chambers and moving volumes together: half the step, a sixteenth."""
+    def found(dt):
+        c = Circuit(chamber=ChamberConfig(line_volume=line, line_conductance=5e-10),
+                    supply=SupplyConfig(volume=2e-5, resistance=2e8))
+        c.air.pressure, c.air.line = ([AMBIENT + 60e3, AMBIENT + 200e3],
+                                      [AMBIENT + 300e3, AMBIENT + 120e3])
+        c.air.spool = [0.3, -0.2]
+        for k in range(round(8e-3 / dt)):
+            share = (k + 1) * dt / 8e-3
+            assert substeps(c.config, c.air, c.air.spool, V, [5.0, 0.0], dt) == 1
+            c.advance(dt, [0.3, -0.2], [v * (1.0 + 0.2 * share) for v in V], [5.0, 0.0])
+        return np.array([*c.air.pressure, c.air.manifold, *(c.air.line if line else ())])
+
+    exact = found(5e-5)
+    coarse, fine = (np.abs(found(dt) - exact) for dt in (8e-4, 4e-4))
+    assert np.all(fine < 0.12 * coarse)
 
 
 def _wander(c, exponent, moving):
@@ -233,6 +294,9 @@ def test_liquid_pays_for_volume_and_not_for_pressure():
     pressure = np.array([[3e5, 0.0]] * 4)
     assert liquid_energy(volume, pressure, 5e5) == pytest.approx(5e5 * 9e-6)
     assert liquid_energy(volume[:1], pressure[:1], 5e5) == 0.0
+    filled = liquid_energy(volume[:2], [[0.0, 0.0], [3e5, 0.0]], 5e5)
+    emptied = liquid_energy(volume[:2], [[3e5, 0.0], [0.0, 0.0]], 5e5)
+    assert (filled, emptied) == (pytest.approx(5e5 * 5e-6), 0.0)
 
 
 def test_liquid_needs_volume_and_pressure_of_one_shape_fails():

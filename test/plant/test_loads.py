@@ -103,7 +103,7 @@ def test_load_rests_where_the_bundle_balances_it(load):
 
 
 @pytest.mark.parametrize('load', MOVING, ids=lambda load: type(load).__name__)
-@pytest.mark.parametrize('strain', [0.01, 0.1, 0.2])
+@pytest.mark.parametrize('strain', [-0.05, 0.01, 0.1, 0.2])
 def test_stiffness_is_the_slope_of_the_holding_force(load, strain):
     """The stiffness that a strain loop sees is d(holding force)/d(strain)."""
     step = 1e-6
@@ -188,21 +188,33 @@ def test_mass_behind_a_spring_follows_its_differential_equation(damping):
 
 
 @pytest.mark.parametrize('arrives', [0.3, 0.5, 0.8])
-def test_arrival_at_a_stop_is_of_second_order(arrives):
-    """A mass that falls on its stop while it is pulled up leaves it as the exact one does."""
+@pytest.mark.parametrize('up', [1.0, -1.0], ids=['lower stop', 'upper stop'])
+def test_arrival_at_a_stop_is_of_second_order(arrives, up):
+    """A mass that falls on its stop while it is pulled off leaves it as the exact one does."""
     load = MassSpring(mass=2.0, damping=0.0, gravity=0.0, stops=(0.0, 0.5))
+    stop = load.stops[up < 0.0]
     pull, speed, dt = 30.0, 2.0, 1e-3
     acceleration = pull / (2.0 * LENGTH)
     arrival = (3.0 + arrives) * dt
-    begin = speed * arrival - 0.5 * acceleration * arrival ** 2
-    motion = move(load, LoadState(begin, -speed, acceleration=acceleration), lambda e: pull,
-                  0.02, dt)
+    begin = stop + up * (speed * arrival - 0.5 * acceleration * arrival ** 2)
+    motion = move(load, LoadState(begin, -up * speed, acceleration=up * acceleration),
+                  lambda e: up * pull, 0.02, dt)
     flight = 0.02 - arrival
     # First order would be up to half a step too long or too short.
-    assert motion.strain_rate == pytest.approx(acceleration * flight,
-                                               abs=0.02 * acceleration * dt)
-    assert motion.strain == pytest.approx(0.5 * acceleration * flight ** 2,
-                                          abs=0.02 * acceleration * flight * dt)
+    assert up * motion.strain_rate == pytest.approx(acceleration * flight,
+                                                    abs=0.02 * acceleration * dt)
+    assert up * (motion.strain - stop) == pytest.approx(0.5 * acceleration * flight ** 2,
+                                                        abs=0.02 * acceleration * flight * dt)
+
+
+@pytest.mark.parametrize('up', [1.0, -1.0], ids=['lower stop', 'upper stop'])
+def test_pressed_onto_a_stop_a_mass_rests_from_its_arrival_on(up):
+    """The impact takes all speed, and no force adds any towards the stop."""
+    load = MassSpring(mass=2.0, damping=0.0, gravity=0.0, stops=(0.0, 0.5))
+    stop = load.stops[up < 0.0]
+    motion = LoadState(stop + up * 2e-3, -up * 1.0, acceleration=-up * 500.0)
+    drift(load.record, motion, 3e-3, 1e-3)
+    assert (motion.strain, motion.strain_rate) == (stop, 0.0)
 
 
 def test_tendon_does_not_push():
@@ -211,6 +223,7 @@ def test_tendon_does_not_push():
     motion = move(load, LoadState(0.0, place=0.02), lambda e: -20.0, 0.05)
     assert motion.strain < -0.01
     assert (motion.place, motion.place_rate) == (0.02, 0.0)
+    assert load.holding_force(-0.05, LENGTH) == 0.0
 
 
 def test_mass_on_its_floor_carries_what_the_spring_does_not():
@@ -222,15 +235,18 @@ def test_mass_on_its_floor_carries_what_the_spring_does_not():
     rate, place_rate = kick(load.record, motion, 1e-3, 30.0, LENGTH)
     assert place_rate == 0.0
     assert rate == pytest.approx(0.0, abs=1e-6)
+    motion.strain = 0.01  # the tendon is slack
+    assert kick(load.record, motion, 1e-3, 30.0, LENGTH)[1] == 0.0
 
 
-def test_a_fitting_behind_a_slack_tendon_is_braked_by_its_own_damping():
+def test_behind_a_slack_tendon_each_mass_is_braked_by_its_own_damping():
     """With m u' = -c u an implicit step divides the speed by 1 + h c/m, as often as is asked."""
-    load = SeriesSpringMass(gravity=0.0, damping=4.0, fitting_mass=0.2, stops=WIDE)
-    motion = LoadState(0.05, 0.3, place=0.02)
+    load = SeriesSpringMass(mass=1.0, gravity=0.0, damping=4.0, fitting_mass=0.2, stops=WIDE)
+    motion = LoadState(0.05, 0.3, place=0.02, place_rate=0.1)
     for _ in range(3):
-        motion.strain_rate, _ = kick(load.record, motion, 1e-3, 0.0, LENGTH)
+        motion.strain_rate, motion.place_rate = kick(load.record, motion, 1e-3, 0.0, LENGTH)
     assert motion.strain_rate == pytest.approx(0.3 / 1.02 ** 3)
+    assert motion.place_rate == pytest.approx(0.1 / 1.004 ** 3)
 
 
 def test_damper_in_a_tendon_does_not_push():

@@ -120,6 +120,28 @@ def test_work_is_what_the_mass_gains_to_rounding():
     assert 0.1 < max(moved) < 0.5
 
 
+def test_work_on_a_test_machine_is_the_integral_of_the_force():
+    """Of a force linear in the strain exactly; there and back it is none."""
+    rig = make(Dynamometer(0.0), force=lambda strain: 100.0 - 400.0 * strain)
+    rig.impose_strain(0.2, 1.0)
+    rig.step([0.0], 0.2)
+    assert rig.work == pytest.approx((100.0 * 0.2 - 200.0 * 0.2 ** 2) * LENGTH, rel=1e-9)
+    rig.impose_strain(0.0, 0.5)
+    rig.step([0.0], 0.4)
+    assert rig.work == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('gauge', [(480e3, 460e3, 470e3), (460e3, 470e3, 480e3),
+                                   (470e3, 480e3, 460e3)])
+def test_of_several_chambers_above_the_trip_the_highest_is_named(gauge):
+    """In whatever order they stand, with its pressure."""
+    rig = make(Dynamometer(0.1), units=3)
+    rig.state.air.pressure = [AMBIENT + each for each in gauge]
+    rig.step([0.0] * 3, 1e-5)
+    worst = int(np.argmax(gauge))
+    assert rig.e_stopped.startswith(f'{rig.bundle.names[worst]} at 480 kPa')
+
+
 def test_swelling_chambers_keep_their_air():
     """Isothermal p V of chambers that swell with pressure is the air that went in, no less."""
     rig = make(MassSpring(mass=2.0, damping=20.0), volume=swelling_volume, units=2,
