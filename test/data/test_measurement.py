@@ -48,13 +48,16 @@ def test_units_in_the_header_become_si(write):
 
 
 def test_written_csv_reads_back_the_same(write, tmp_path):
-    """What write_csv writes, read_measurement gives again."""
-    first = read_measurement(write(HEADER, rows_of()))
-    write_csv(first, tmp_path / 'again.csv')
-    again = read_measurement(tmp_path / 'again.csv')
-    assert np.allclose(first.force, again.force)
-    assert np.allclose(first.pressure, again.pressure)
-    assert first.trial_names == again.trial_names
+    """What write_csv writes, read_measurement gives again, a log or a map."""
+    log = read_measurement(write(HEADER, rows_of()))
+    still = build('map', log.strain, log.pressure, log.force, log.trial)
+    for first in (log, still):
+        write_csv(first, tmp_path / 'again.csv')
+        again = read_measurement(tmp_path / 'again.csv')
+        for name in ('force', 'pressure', 'strain', 'clock', 'trial'):
+            assert np.allclose(getattr(first, name), getattr(again, name)), name
+        assert first.is_static == again.is_static
+        assert len(first.trial_names) == len(again.trial_names)
 
 
 @pytest.mark.parametrize(('spoil', 'words'), [
@@ -253,6 +256,21 @@ def test_rate_is_smooth_and_directions_are_right(sweeps):
     inside = (data.strain > 0.02) & (data.strain < 0.22)
     assert np.abs(np.abs(noisy.strain_rate[inside]) - 0.024).max() < 3e-3
     assert set(np.unique(noisy.direction[inside])) == {-1, 1}
+
+
+def test_a_log_is_smoothed_and_a_map_is_as_it_was_measured():
+    """Each column within its trial; a map has no time to smooth over."""
+    time, trial = np.tile(0.02 * np.arange(400.0), 2), np.repeat([0, 1], 400)
+    true = (0.1 + 0.02 * time + 0.05 * trial, np.stack([1e5 + 2e4 * time, 3e5 - 1e4 * time], -1))
+    rng = np.random.default_rng(3)
+    strain, pressure = true[0] + 1e-3 * rng.normal(size=800), true[1] + 500 * rng.normal(
+        size=(800, 2))
+    log, still = (build('two', strain, pressure, 100.0 - 50.0 * strain, trial, when)
+                  for when in (time + 20.0 * trial, None))
+    assert np.array_equal(still.smoothed[0], strain)
+    assert np.array_equal(still.smoothed[1], pressure)
+    for smoothed, exact, size in zip(log.smoothed, true, (1e-3, 500.0), strict=True):
+        assert np.sqrt(np.mean((smoothed - exact) ** 2)) < 0.4 * size
 
 
 def test_a_pressure_that_is_held_is_smoothed_to_its_mean():

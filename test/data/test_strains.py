@@ -39,6 +39,7 @@ def test_the_direction_of_a_displacement_is_said(log):
     data = read_measurement(table(log, strain=('position [mm]', -250 * log[1])),
                             rest_length=0.25)
     assert 'positive when longer, as the force tells' in taken_words(data)
+    assert 'rest length 250 mm' in taken_words(data)
 
 
 def test_a_column_that_repeats_the_rest_length_tells_it(log):
