@@ -273,6 +273,16 @@ def test_signs_turned_round_are_noticed(muscle, strain, force, words):
                                                  np.linspace(1e5, 4e5, 8)))
     notes = build('map', strain * e, p, force * muscle(e, p)).notes
     assert any(words in note for note in notes)
+
+
+def test_elongations_beyond_any_muscle_are_asked_for_their_sign(muscle):
+    """A strain of -0.2 to -0.45 may be a contraction; of both signs it is none."""
+    e, p = (grid.ravel() for grid in np.meshgrid(np.linspace(0.2, 0.45, 8),
+                                                 np.linspace(1e5, 4e5, 8)))
+    for sign, asked in ((np.full(64, -1.0), True), (np.where(e > 0.4, -1.0, 1.0), False)):
+        with pytest.raises(InputError, match=r'strain is -0\.45;') as caught:
+            build('map', sign * e, p, muscle(e, p), max_strain=0.5)
+        assert ('is the sign turned round?' in str(caught.value)) == asked
     assert not build('map', e, p, muscle(e, p)).notes
 
 

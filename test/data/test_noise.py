@@ -264,7 +264,7 @@ def test_loops_of_a_map_are_smooth_in_the_file_and_not_by_strain(muscle):
     assert floor.in_file_order == pytest.approx(0.1, rel=0.2)
     assert floor.in_strain_order > 2.0
     assert 'loops or drift' in floor.note
-    calm = noise_floor(data, noise)
+    calm = noise_floor(data, noise + 200.0 * e ** 2)  # an error of the model is smooth by strain
     assert not calm.hides_loops
     assert calm.in_strain_order == pytest.approx(0.1, rel=0.2)
 
