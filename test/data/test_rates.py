@@ -157,6 +157,17 @@ def test_smoothing_takes_the_noise_of_a_ramp_and_keeps_a_step(rng):
     assert smooth(np.arange(9.0), np.arange(9.0), np.zeros(9, int)).tolist() == list(range(9))
 
 
+@pytest.mark.parametrize('way', [1.0, 2.0, 4.0])
+def test_smoothing_rounds_a_tip_by_less_than_twice_the_noise(rng, way):
+    """A triangle of 1, 2, 4 times the noise in a row; the narrow windows at a tip end at it."""
+    row = np.arange(4000)
+    triangle = way * np.abs((row + 100) % 200 - 100.0)
+    found = smooth(0.1 * row, triangle + rng.normal(size=4000), np.zeros(4000, int)) - triangle
+    tips = np.arange(100, 3950, 100)
+    assert np.abs(found[tips]).mean() < 2.2
+    assert np.sqrt(np.mean(found ** 2)) < 0.5
+
+
 @pytest.mark.parametrize('step', [0.01, 0.5])
 def test_the_noise_that_a_slope_names_is_the_noise_it_has(rng, step):
     """Two ramps with noise of 1 a row, in units of their time."""
