@@ -34,6 +34,26 @@ def test_a_sensor_that_reads_zero_for_a_while_is_said(noisy, label, rows, words)
     assert words in said(**{label: lost})
 
 
+def test_readings_lost_where_a_trial_begins_are_lost(noisy, log):
+    """The step from the trial before is no jump; that back to the readings is."""
+    channels, _ = noisy
+    lost, trial = channels['force'].copy(), np.repeat([0, 1, 2], 80)
+    lost[[30, 31, 80, 81, 160]] = 0.0
+    notes = build('log', channels['strain'], channels['pressure'], lost, trial, log[0]).notes
+    assert 'force jumps to 0 N and back in 5 rows (first row 31)' in ' '.join(notes)
+
+
+def test_a_trial_at_one_force_hangs_from_a_weight(noisy, log):
+    """Its muscle moves and the force stays; in a part of a trial that would be a stuck sensor."""
+    channels, _ = noisy
+    force = channels['force'].copy()
+    force[80:160] = force[80]
+    said = [' '.join(build('log', channels['strain'], channels['pressure'], force,
+                           np.repeat([0, 1, 2], ends), log[0]).notes)
+            for ends in ([80, 80, 80], [60, 100, 80])]
+    assert ['is constant' in notes for notes in said] == [False, True]
+
+
 def test_a_muscle_that_is_vented_loses_no_reading(noisy, muscle):
     """The force falls with the pressure, so no reading is reported as lost."""
     channels, said = noisy
@@ -50,7 +70,9 @@ def test_a_force_that_stands_still_while_the_muscle_moves_is_said(noisy, force, 
     """Not reported if the converter is so coarse that equal readings are usual."""
     channels, said = noisy
     rows = (np.arange(240) >= 100) & (np.arange(240) < 125)
-    assert ('is constant' in said(force=force(channels['force'], rows))) == stuck
+    notes = said(force=force(channels['force'], rows))
+    assert ('is constant' in notes) == stuck
+    assert ('N from row 101 to 125 while the muscle moves' in notes) == stuck
 
 
 @pytest.mark.parametrize('sign', [1, -1])

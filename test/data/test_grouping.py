@@ -60,6 +60,13 @@ def test_strain_bins_are_equally_wide_and_hold_all():
     assert np.all((edges[index] <= strain) & (strain <= edges[index + 1]))
 
 
+def test_two_wide_bands_of_pressure_are_no_levels():
+    """One of 0 to 30 and one of 60 to 100 kPa: each is cut as a ramp would be."""
+    column = 1e3 * np.concatenate([np.linspace(0.0, 30.0, 31), np.linspace(60.0, 100.0, 41)])
+    index, _ = pressure_levels(column)
+    assert max(np.ptp(column[index == k]) for k in np.unique(index)) < 13e3
+
+
 def test_strains_of_a_map_have_a_bin_each_with_edges_half_way():
     """As many strains as bins at most."""
     strain = np.repeat([0.0, 0.1, 0.15, 0.3], 3)

@@ -57,6 +57,25 @@ def test_every_pressure_and_direction_keeps_its_share(memory):
     assert set(np.unique(data.direction[high])) >= {-1, 1}
 
 
+def test_filling_and_venting_of_a_held_muscle_keep_their_share(memory):
+    """Nine seconds of filling, then a minute of venting between the same pressures."""
+    for k in range(13_800):
+        t = 0.005 * k
+        way = 20e3 * (t % 3.0)
+        memory.add(t, 0.1, (85e3 + way if t < 9.0 else 145e3 - way,), 10.0)
+    assert np.mean(memory.measurement().time < 9.0) > 0.25
+
+
+def test_one_lost_message_of_a_slow_log_is_no_gap(memory):
+    """At 20 Hz, rows of 50 Hz: a step of 0.1 s is within two of its own, one of 0.5 s is not."""
+    for k in range(400):
+        if k % 37 and not 200 < k < 210:
+            memory.add(0.05 * k, 0.1 + 0.05 * math.sin(0.05 * k), (2e5,), 10.0)
+    data = memory.measurement()
+    assert len(data.trial_names) == 2
+    assert data.time[data.trial == 1][0] - data.time[data.trial == 0][-1] > 0.4
+
+
 def test_nothing_older_than_the_limit_is_kept():
     """The memory of 30 s holds no row that is older."""
     memory = Memory(('mu1',), (LIMIT,), seconds=30.0)
@@ -69,6 +88,7 @@ def test_stretches_without_a_gap_are_one_trial_with_the_rate_of_the_strain(memor
     swept(memory, 0.0, 8.0)
     data = memory.measurement()
     assert len(data.trial_names) == 1
+    assert memory.seconds == pytest.approx(8.0, abs=0.6)
     # the time of a measurement begins at its first row, the mean of the samples 0 to 0.015 s
     rate = 0.05 * math.pi * np.cos(math.pi * (data.time + 0.0075))
     assert np.abs(data.strain_rate - rate)[5:-5].max() < 0.02

@@ -62,8 +62,8 @@ def test_a_sweep_moves_the_strain_at_its_rate_and_comes_back():
     """0 to 0.2 at 0.02 1/s takes 10 s, with two cycles 40 s; the pressures stay."""
     (course,) = Sweep((0.0, 0.2), 0.02, ((50e3,),), cycles=2).courses()
     assert course.seconds == pytest.approx(40.0)
-    assert course.at(5.0)[:2] == pytest.approx((0.1, 0.02))
-    assert course.at(15.0)[:2] == pytest.approx((0.1, -0.02))
+    assert course.at(2.0)[:2] == pytest.approx((0.04, 0.02))
+    assert course.at(12.0)[:2] == pytest.approx((0.16, -0.02))
     assert course.at(35.0)[:2] == pytest.approx((0.1, -0.02))
     assert course.at(40.0) == (0.0, 0.0, (50e3,))
     assert course.at(35.0)[2] == (50e3,)
@@ -112,8 +112,13 @@ def test_duration_counts_ways_filling_settling_and_pauses():
     again = Protocol('twice', 1, (sweep, Hold((0.0,), 5.0, ((50e3,),)), Pause(50.0), sweep),
                      settle=3.0)
     assert duration(again) == pytest.approx(6.0 + (1.0 + 3.0 + 5.0) + 50.0 + (1 + 1 + 3 + 2))
-    free = Protocol('free', 1, (PressureSweep(((0.0,), (80e3,)), 20e3),), settle=3.0)
-    assert duration(free) == pytest.approx(3.0 + 8.0)
+    free = PressureSweep(((0.0,), (80e3,)), 20e3)
+    assert duration(Protocol('free', 1, (free,), settle=3.0)) == pytest.approx(3.0 + 8.0)
+    # a load that is free keeps the dynamometer where it was; pauses in a row add up
+    between = Protocol('between', 1, (Hold((0.2,), 5.0, ((50e3,),)), free, sweep), settle=3.0)
+    assert segments(between)[2].before == pytest.approx(1.0 + 1.0 + 3.0)
+    rested = Protocol('rested', 1, (sweep, Pause(50.0), Pause(20.0), sweep), settle=3.0)
+    assert [each.pause for each in segments(rested)] == [0.0, 70.0]
 
 
 def test_a_name_or_note_that_looks_like_a_number_is_text(written):
