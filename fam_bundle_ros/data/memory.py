@@ -29,8 +29,8 @@ __all__ = ['Memory']
 _STRAINS, _PRESSURES = 0.02, 0.2
 #: Strain and share of the largest pressure by which a stretch must move to have a direction.
 _STILL_STRAIN, _STILL_PRESSURE = 1e-3, 0.02
-#: A silence of so many rows ends a stretch.
-_GAP = 3.0
+#: A silence of so many rows ends a stretch; of a slow log two steps more, each at most so long, s.
+_GAP, _SLOW = 3.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Memory:
         """Forget everything."""
         self._kept: list[Stretch] = []
         self._number = 0
-        self._last = -math.inf
+        self._last, self._before = -math.inf, 0.0
         self._break()
 
     def __len__(self) -> int:
@@ -139,11 +139,11 @@ class Memory:
             return
         if time <= self._last:
             self.clear()
-        elif time - self._last > _GAP * self._period + 2.0 * self._step:
+        elif time - self._last > _GAP * self._period + 2.0 * self._before:
             self._break()
         else:
             self._step = time - self._last
-        self._last = time
+        self._before, self._last = min(time - self._last, _SLOW), time
         if self._count and time - self._first >= self._period - 0.5 * self._step:
             self._close_row()
         if not self._count:

@@ -66,6 +66,23 @@ def test_filling_and_venting_of_a_held_muscle_keep_their_share(memory):
     assert np.mean(memory.measurement().time < 9.0) > 0.25
 
 
+def test_one_sample_before_a_silence_is_not_bridged(memory):
+    """Whatever the step before it may have been."""
+    rested(memory, 0.0, 0.005)
+    swept(memory, 5.0, 8.0)
+    assert np.diff(memory.measurement().time) == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize('rate', [2, 5, 10, 16, 17, 30])
+def test_a_rig_that_is_read_slower_than_the_rows_asked_for_is_remembered(memory, rate):
+    """Each sample is a row then, and all of them are one trial."""
+    swept(memory, 0.0, 20.0, 1.0 / rate)
+    data = memory.measurement()
+    assert len(data.trial_names) == 1
+    assert np.ptp(data.time) > 18.0
+    assert np.diff(data.time) == pytest.approx(1.0 / rate)
+
+
 def test_one_lost_message_of_a_slow_log_is_no_gap(memory):
     """At 20 Hz, rows of 50 Hz: a step of 0.1 s is within two of its own, one of 0.5 s is not."""
     for k in range(400):

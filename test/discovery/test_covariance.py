@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import gamma, kv
 from scipy.stats import multivariate_normal
 
 from fam_bundle_ros.data.measurement import build
@@ -68,10 +69,12 @@ def test_the_part_of_the_speed_is_odd_and_fades_with_the_ratio_of_speeds(sweeps,
 
 
 def test_matern_falls_from_one_and_stays_positive_definite():
-    """1 at no distance; a matrix of it has no negative eigenvalue."""
+    """The Bessel function of its definition; a matrix of it has no negative eigenvalue."""
     x = np.linspace(0, 3, 40)
     k = matern_5_2((x[:, None] - x) ** 2)
+    d = np.sqrt(5.0) * x[1:]
     assert k[0, 0] == 1.0
+    assert k[0, 1:] == pytest.approx(2.0 ** -1.5 / gamma(2.5) * d ** 2.5 * kv(2.5, d))
     assert np.all(np.diff(k[0]) < 0)
     assert np.linalg.eigvalsh(k).min() > -1e-10
 
@@ -82,7 +85,7 @@ def test_the_discrepancy_adds_over_motor_units(paper_muscle):
     bundle = Bundle('two', [MotorUnit(f'mu{k}', 1, unit.geometry) for k in (1, 2)],
                     paper_muscle.effects)
     rng = np.random.default_rng(0)
-    strain, pressure = rng.uniform(0, 0.2, 60), rng.uniform(0, 4e5, (60, 2))
+    strain, pressure = rng.uniform(0, 0.2, 60), rng.uniform(0, (4e5, 1e5), (60, 2))
     data = build('two', strain, pressure, bundle.force(strain, pressure),
                  motor_units=('mu1', 'mu2'))
     covariance = Covariance(reduce(bundle, data), 0.01)
@@ -90,20 +93,27 @@ def test_the_discrepancy_adds_over_motor_units(paper_muscle):
     parts = [covariance.across(h, strain, pressure, k) for k in (0, 1)]
     np.testing.assert_allclose(parts[0] + parts[1], covariance.across(h, strain, pressure))
     assert np.allclose(np.diag(parts[0]), 0.5)
+    apart = np.subtract.outer(strain, strain) / np.ptp(strain) / STRAIN_LENGTHS[0]
+    for part, own in zip(parts, pressure.T, strict=True):  # each unit by its own range
+        gap = np.subtract.outer(own, own) / np.ptp(own) / PRESSURE_LENGTHS[0]
+        np.testing.assert_allclose(part, 0.5 * matern_5_2(apart ** 2 + gap ** 2))
 
 
 def test_the_covariance_is_the_sum_of_its_parts_by_their_definitions(problem):
     """Noise of cells, white misfit, even, odd and slow parts; with the prior of the amplitudes."""
     cells, covariance, _ = problem
     even, odd, white, slow = ((AMPLITUDES[k] * np.std(cells.force)) ** 2 for k in (9, 8, 6, 7))
-    e = np.subtract.outer(cells.strain, cells.strain) / cells.strain_range / STRAIN_LENGTHS[1]
-    p = np.subtract.outer(*[cells.pressure[:, 0]] * 2) / cells.pressure_range / PRESSURE_LENGTHS[1]
-    smooth = matern_5_2(e ** 2 + p ** 2)
-    apart = np.abs(np.subtract.outer(cells.time, cells.time)) / TIME_LENGTHS[1]
-    fading = np.where(np.equal.outer(cells.trial, cells.trial), np.exp(-apart), 0.0)
-    expected = (np.diag(cells.noise ** 2 / cells.count + white) + slow * fading
-                + smooth * (even + odd * np.outer(cells.direction, cells.direction)))
-    np.testing.assert_allclose(covariance.matrix(FULL), expected, rtol=1e-9, atol=1e-12)
+    e = np.subtract.outer(cells.strain, cells.strain) / cells.strain_range
+    p = np.subtract.outer(*[cells.pressure[:, 0]] * 2) / cells.pressure_range
+    apart = np.abs(np.subtract.outer(cells.time, cells.time))
+    for h in (FULL, FULL._replace(pressure=2), FULL._replace(strain=3), FULL._replace(tau=0)):
+        smooth = matern_5_2((e / STRAIN_LENGTHS[h.strain]) ** 2
+                            + (p / PRESSURE_LENGTHS[h.pressure]) ** 2)
+        fading = np.where(np.equal.outer(cells.trial, cells.trial),
+                          np.exp(-apart / TIME_LENGTHS[h.tau]), 0.0)
+        expected = (np.diag(cells.noise ** 2 / cells.count + white) + slow * fading
+                    + smooth * (even + odd * np.outer(cells.direction, cells.direction)))
+        np.testing.assert_allclose(covariance.matrix(h), expected, rtol=1e-9, atol=1e-12)
     assert covariance.white_sd(FULL) == pytest.approx(np.sqrt(white))
     shares = AMPLITUDES[[9, 8, 6, 7]].sum()
     assert covariance.log_prior(FULL) - covariance.log_prior(Hyper()) == pytest.approx(
@@ -117,6 +127,21 @@ def test_amplitudes_pay_by_what_is_normal(problem):
     wide, narrow = Covariance(cells, 0.02), Covariance(cells, 0.01)
     assert narrow.log_prior(FULL) == pytest.approx(2 * wide.log_prior(FULL))
     assert narrow.log_prior(Hyper()) == 0.0
+    for axis in ('even', 'odd', 'white', 'slow', 'speed'):
+        assert narrow.log_prior(Hyper(**{axis: 7})) == pytest.approx(-AMPLITUDES[7] / 0.01)
+
+
+def test_the_parts_of_a_residual_add_up_to_what_is_no_noise(problem):
+    """Means of even, odd and slow part together: the residual without the mean of its noise."""
+    cells, covariance, _ = problem
+    residual = np.random.default_rng(5).standard_normal(len(cells))
+    parts = [FULL._replace(**dict.fromkeys({'even', 'odd', 'slow'} - {axis}, 0))
+             for axis in ('even', 'odd', 'slow')]
+    noise = cells.noise ** 2 / cells.count + covariance.variance(FULL.white)
+    smooth = residual - noise * np.linalg.solve(covariance.matrix(FULL), residual)
+    found = [covariance.mean_of(part, FULL, residual) for part in parts]
+    np.testing.assert_allclose(sum(found), smooth, atol=1e-8)
+    assert all(np.abs(part).max() > 1e-3 for part in found)
 
 
 @pytest.mark.parametrize('hyper', [FULL, Hyper(white=6)])

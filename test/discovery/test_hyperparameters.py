@@ -5,11 +5,39 @@
 import numpy as np
 
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
-from fam_bundle_ros.discovery.hyperparameters import along_ridge
+from fam_bundle_ros.discovery.hyperparameters import along_ridge, ascend
 from fam_bundle_ros.discovery.linear import Linear, log_evidence
 from fam_bundle_ros.discovery.priors import own_priors
+
+
+def peak(**places):
+    """Return a value that is highest at these places."""
+    return lambda h: -float(sum((getattr(h, axis) - place) ** 2 for axis, place in places.items()))
+
+
+def test_each_axis_climbs_to_its_peak_and_no_further_than_it_may():
+    """Up and down; with a reach of two places, two from where it began."""
+    value, axes = peak(even=9, strain=3, white=2), ('even', 'white', 'strain')
+    start = Hyper(even=1, white=8)
+    assert ascend(start, value, axes) == Hyper(even=9, white=2, strain=3)
+    assert ascend(start, value, axes, reach=2) == Hyper(even=3, white=6, strain=2)
+    assert ascend(start, value, ('white',)) == Hyper(even=1, white=2)
+
+
+def test_what_changes_nothing_stays_where_it_is():
+    """All places are equal, and lengths of a part that is not there."""
+    axes = ('even', 'white', 'strain', 'pressure', 'slow', 'tau')
+    assert ascend(Hyper(even=5, slow=5), lambda h: 0.0, axes) == Hyper(even=5, slow=5)
+    assert ascend(Hyper(), peak(even=0, slow=0, strain=3, tau=2), axes) == Hyper()
+    assert ascend(Hyper(slow=4), peak(slow=6, tau=2), axes) == Hyper(slow=6, tau=2)
+
+
+def test_an_amplitude_leaves_zero_over_places_that_hardly_matter():
+    """The first three places of a grid in quarter decades gain nothing, the fourth does."""
+    assert ascend(Hyper(), lambda h: max(h.even - 3, 0) - 2.0 * max(h.even - 6, 0),
+                  ('even',)) == Hyper(even=6)
 
 
 def test_a_length_is_found_though_its_amplitude_has_to_follow(problem):

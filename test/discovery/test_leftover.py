@@ -19,7 +19,7 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import catalogue, load_model, Motion, save_model
+from fam_bundle_ros.model import Bundle, catalogue, load_model, Motion, save_model
 
 TABLE = """strain,pressure [kPa],force [N],sd [N],odd [N]
 0.0,0,1,0.1,0.5
@@ -148,19 +148,25 @@ def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscl
     assert left.odd.mean() == pytest.approx(2.0, abs=0.4)
 
 
-def test_a_table_is_of_true_pressures_where_each_gauge_has_its_own_error(tmp_path):
-    """What was left at a reading of mu2 belongs to the pressure that its gauge showed wrongly."""
-    bundle = load_model('spie2021').with_effect('unit_pressure_bias', mu2=20e3).with_effect(
-        'unit_pressure_gain', mu1=0.1)
+def test_a_table_is_of_true_values_where_each_gauge_has_its_own_error(tmp_path):
+    """What was left at readings is added to the reading there, however many muscles a unit has."""
+    bundle = load_model('spie2021')
+    bundle = Bundle('three', [replace(unit, muscles=k) for unit, k in zip(
+        bundle.motor_units, (1, 3))], bundle.effects)
+    for name, values in (('unit_pressure_bias', {'mu2': 20e3}), ('unit_pressure_gain', {
+            'mu1': 0.1}), ('strain_rest_length', {'excess': 0.05}), (
+            'force_sensor_gain', {'gain': 0.04})):
+        bundle = bundle.with_effect(name, **values)
     strain, shown = np.array([0.0, 0.2]), np.array([0.0, 200e3, 400e3])
-    even = np.tile(shown / 1e5, (2, 2, 1))
+    even = np.multiply.outer([1.0, 2.0], np.outer(1.0 + 3.0 * strain, shown / 1e5))
     none = np.zeros_like(even)
     Leftover(strain, [shown, shown], even, none, none, none, bundle).write(tmp_path / 'left.csv')
     with_it = bundle.with_effect(catalogue.get('discrepancy_surface')(
         table='left.csv', folder=tmp_path))
-    true = [100e3, 150e3]
-    added = with_it.force(0.1, true) - bundle.force(0.1, true)
-    assert added == pytest.approx(1.1 * 1.0 + (1.5 + 0.2))
+    motion = Motion(np.array([0.02, 0.15]), np.array([[120e3, 5e3], [300e3, 395e3]]), np.zeros(2))
+    added = with_it.predict(motion) - bundle.predict(motion)
+    assert added == pytest.approx((1.0 + 3.0 * motion.strain) * (
+        motion.pressure @ [1.0, 2.0]) / 1e5, rel=1e-4)
 
 
 def test_a_table_is_finer_than_the_visits_of_a_fast_log(paper_muscle):

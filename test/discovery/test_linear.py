@@ -93,7 +93,8 @@ def test_a_size_is_positive_or_absent_with_equal_odds(problem, size):
     assert at_zero == pytest.approx(given(0.0) - np.log(2.0))
 
 
-def test_beside_a_part_that_is_there_the_other_is_absent_with_even_odds(problem):
+@pytest.mark.parametrize('size', [0.0, 0.3, 9.0])
+def test_beside_a_part_that_is_there_the_other_is_absent_with_even_odds(problem, size):
     """Half the evidence of both parts, half that of the law without the one in the logarithm."""
     cells, covariance, fitter = problem
     rng = np.random.default_rng(4)
@@ -104,17 +105,25 @@ def test_beside_a_part_that_is_there_the_other_is_absent_with_even_odds(problem)
     other = Prior('a.constant', 0.0, 1e3, 2.0, 1.2, 'log', beside='a.size')
     priors = [other, Prior('a.size', 0.0, 1e3, 0.0, 1.0, 'half'),
               Prior('a.x', -1e3, 1e3, 0.0, 1.0, 'normal')]
-    force = ways @ [0.0, 9.0, 0.5] + noise * rng.standard_normal(len(cells))
-    u = np.array([-1.5, 9.1, 0.4])
+    force = ways @ [0.0, size, 0.5] + noise * rng.standard_normal(len(cells))
+    u = np.array([-1.5, size + 0.1, 0.4])
     theta, slopes = np.append(other.theta(u[0]), u[1:]), ways.copy()
     slopes[:, 0] *= other.slope(u[0])
     told, both = (log_evidence(fitter.covariance, white, Linear.of(
         [first, *priors[1:]], u, force - ways @ theta, slopes))
         for first in (other, replace(other, beside='')))
-    alone = log_evidence(fitter.covariance, white, Linear.of(
-        priors[1:], u[1:], force - ways[:, 1:] @ u[1:], ways[:, 1:]))
-    assert told == pytest.approx(np.logaddexp(both, alone) - np.log(2.0), abs=1e-6)
-    assert alone > both + 1.0
+    def evidence(*kept):
+        """Return the evidence of a law of these parts of which none is beside another."""
+        kept = list(kept)
+        own = [replace(priors[k], beside='') for k in kept]
+        return log_evidence(fitter.covariance, white, Linear.of(
+            own, u[kept], force - ways[:, kept] @ theta[kept], slopes[:, kept]))
+    # each with a size is half of one that is absent and half of one that is there
+    alone, (absent, nothing) = evidence(1, 2), (evidence(0, 2), evidence(2))
+    there = 0.5 * (2.0 * np.exp(both - told) - np.exp(absent - told)
+                   + 2.0 * np.exp(alone - told) - np.exp(nothing - told))
+    assert 0.5 * np.exp(absent - told) + 0.5 * there == pytest.approx(1.0, abs=1e-6)
+    assert alone > both + 1.0 or size < 9.0
 
 
 def test_what_is_reached_at_a_size_of_nearly_zero_is_that_at_zero(problem):

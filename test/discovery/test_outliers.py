@@ -36,6 +36,25 @@ def test_what_a_step_of_the_strain_does_is_no_spike(log):
     assert not spikes(log, residual, NOISE).any()
 
 
+@pytest.mark.parametrize('late', range(4))
+def test_what_comes_shortly_after_a_step_may_be_its_response(log, late):
+    """One row of force, up to three rows after the strain has stepped."""
+    stepped = np.abs(np.diff(log.strain, prepend=log.strain[0])) > 0.01
+    residual = log.force + 20.0 * NOISE * np.roll(stepped & ~np.roll(stepped, -1), late)
+    assert not spikes(log, residual, NOISE).any()
+
+
+@pytest.mark.parametrize('row', [996, 1003])
+def test_the_way_from_trial_to_trial_is_no_step_of_the_strain(log, row):
+    """A spike three rows from the end of a sweep, or from where the next begins, is one."""
+    trial = np.repeat([0, 1], 1000)
+    strain = np.tile(np.linspace(0.0, 0.2, 1000), 2) + 2e-5 * log.force
+    two = build('two', strain, log.pressure, log.force, trial, log.time + 5.0 * trial)
+    residual = log.force.copy()
+    residual[row] += 20.0 * NOISE
+    assert np.flatnonzero(spikes(two, residual, NOISE)).tolist() == [row]
+
+
 def test_spikes_are_found_while_the_muscle_moves_evenly(log):
     """A sweep is no step, however fast."""
     strain = np.linspace(0.0, 0.2, 2000)
