@@ -134,7 +134,6 @@ class Muscles:
 
     def reading(self, motion: Motion, keys: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Return the load cell's reading (T,) and its derivatives (T, K); see `rows.reading`."""
-        self.warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
         return rows.reading(self, motion, keys)
 
     def gas(self, what: str, strain, pressure) -> np.ndarray:

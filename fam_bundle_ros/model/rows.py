@@ -78,6 +78,8 @@ def reading(model: 'Muscles', motion: Motion, keys: Sequence[str] = ()
     strain = numbers.true('strain', _floats(motion.strain), time, rate)
     pressure = numbers.true('pressure', np.ascontiguousarray(_floats(motion.pressure).T), time,
                             rate)
+    # a table is of true values, as gauges without errors would read them
+    model.warn_outside(value_of(strain)[:, None], value_of(pressure).T)
     force = np.zeros(len(motion.strain))
     jacobian = np.zeros((len(keys), len(force)))
     for _, rows, value in _blocks(numbers, strain, pressure, motion):
