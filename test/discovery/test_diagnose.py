@@ -247,6 +247,10 @@ def test_a_wrong_bladder_is_replaced(sweeps, paper_muscle):
     assert result.effects == ()
     assert 'in place of bladder_elasticity' in result.summary
     assert result.error_N['best'] < 0.66
+    own = {effect.name for effect in paper_muscle.effects}
+    for each in result.ranking:  # what the model has may go, what it has not may come
+        assert each.removes == (each.shape in own), each.label
+        assert not each.replaces or each.replaces in own, each.label
     better = add_effect(paper_muscle, [], sweeps(truth),
                         replacing={'bladder_elasticity': 'bladder_polynomial'})
     assert better.error_N == pytest.approx(result.error_N['best'], rel=0.02)

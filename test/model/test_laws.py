@@ -215,6 +215,17 @@ def test_a_line_is_as_late_behind_a_ramp_as_its_time_constant_says(law, left):
     assert_allclose(1e5 - felt(step)[101:200], 1e5 * left(after / lag), atol=100.0)
 
 
+@pytest.mark.parametrize(('law', 'left'), [
+    ('threshold_pressure', lambda ratio: np.maximum(ratio - 1.0, 0.0)),
+    ('soft_threshold', lambda ratio: ratio - 1.0 + np.exp(-ratio))])
+def test_a_threshold_is_lost_at_once_or_gradually(law, left):
+    """Of a pressure in units of the threshold: what is left of it drives the braid."""
+    threshold, ratio = 40e3, np.array([0.0, 0.3, 1.0, 2.0, 9.0])
+    plain = Bundle('one', units(1), [mesh()])
+    force = plain.with_effect(law, pressure=threshold).force(0.1, threshold * ratio[:, None])
+    assert_allclose(force, plain.force(0.1, threshold * left(ratio)[:, None]), atol=1e-9)
+
+
 def test_relaxation_is_that_of_a_standard_linear_solid():
     """A step of force decays by 1 - 1/e of its excess within one time constant."""
     bundle = Bundle('one', units(1), [mesh()]).with_effect(
