@@ -130,6 +130,10 @@ def test_frames_read_like_files(sweeps):
     assert np.allclose(again.strain, data.strain)
     assert np.allclose(again.pressure, data.pressure)
     assert set(data.to_frame().columns) >= {'strain', 'force [N]', 'direction'}
+    for own in (data, build('map', data.strain, data.pressure, data.force)):
+        again = read_measurement(own.to_frame())
+        for name in ('strain', 'pressure', 'force', 'clock', 'trial'):
+            assert np.allclose(getattr(again, name), getattr(own, name)), name
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])

@@ -22,7 +22,8 @@ def test_a_column_of_units_tells_that_of_the_column_on_its_left(log, header, bes
     data = read_measurement({**table(log, force=(header, log[3] / factor)),
                              beside: np.full(ROWS, unit, object)})
     assert np.allclose(data.force, log[3], rtol=1e-6)
-    assert any(f"'{header}' is in {unit}, as '{beside}' tells" in note for note in data.notes)
+    assert any(note.endswith(f"'{header}' is in {unit}, as '{beside}' tells")
+               for note in data.notes)
 
 
 def ranged(log):
@@ -35,7 +36,9 @@ def ranged(log):
 def test_readings_of_several_units_are_converted_to_the_first(log):
     """A gauge that changes its range; a word among the readings is still a word."""
     data = ranged(log)
-    assert np.allclose(read_measurement(data).force, log[3])
+    read = read_measurement(data)
+    assert np.allclose(read.force, log[3])
+    assert f"as 'Unit' tells: read in {data['Unit'][0]}" in ' '.join(read.notes)
     data['Force'] = data['Force'].astype(object)
     data['Force'][7] = 'jammed'
     with pytest.raises(InputError, match="row 8: Force is 'jammed'"):
