@@ -20,6 +20,7 @@ from fam_bundle_ros.data.protocol import (
     segments,
     Sweep,
 )
+from fam_bundle_ros.data.schedule import minutes
 from fam_bundle_ros.data.steps import Course, Leg
 from fam_bundle_ros.errors import InputError
 
@@ -119,6 +120,16 @@ def test_duration_counts_ways_filling_settling_and_pauses():
     assert segments(between)[2].before == pytest.approx(1.0 + 1.0 + 3.0)
     rested = Protocol('rested', 1, (sweep, Pause(50.0), Pause(20.0), sweep), settle=3.0)
     assert [each.pause for each in segments(rested)] == [0.0, 70.0]
+
+
+@pytest.mark.parametrize('seconds', [0.4, 59.0, 60.0, 3599.0, 3600.0, 7199.0, 86399.0, 1e6])
+def test_a_duration_in_words_is_that_time(seconds):
+    """To the second below an hour, to the minute above."""
+    told = minutes(seconds).split()
+    size = {'s': 1, 'min': 60, 'h': 3600}
+    found = sum(int(count) * size[unit] for count, unit in zip(told[::2], told[1::2]))
+    assert found - 0.5 <= seconds < found + (60.0 if seconds >= 3600.0 else 0.5)
+    assert all(int(count) < 60 for count, unit in zip(told[::2], told[1::2]) if unit != 'h')
 
 
 def test_a_name_or_note_that_looks_like_a_number_is_text(written):
