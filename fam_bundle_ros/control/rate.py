@@ -23,8 +23,9 @@ from fam_bundle_ros.control.observer import (
     second_difference,
 )
 
-#: s: shortest window; number of windows, each twice as long as the one before.
+#: s: shortest window; number of windows, each twice as long as the one before; longest window, s.
 _SHORTEST, WINDOWS = 0.01, 5
+LONGEST = _SHORTEST * 2 ** (WINDOWS - 1)
 #: Tolerance for the agreement of windows, in sd of their rates.
 _AGREE = 2.0
 #: Thresholds of the rate in sd: a motion begins above the first and ends below the second; after
