@@ -165,6 +165,22 @@ class Measurement(Told):
         return rates.begins(self.trial)
 
     @property
+    def restart(self) -> np.ndarray:
+        """
+        Return which rows have an unknown past, (T,) bool: the first ones of interrupted trials.
+
+        A trial continues that before where time, strain and pressures change by no more than they
+        do between two rows of a trial: the trials are then parts of one recording.
+        """
+        start = self.start.copy()
+        if self.time is None:
+            return start
+        steps = np.diff(np.column_stack([self.time, self.strain, self.pressure]), axis=0)
+        usual = np.abs(steps[~start[1:]]).max(axis=0, initial=0.0)
+        start[1:] &= (steps[:, 0] < 0.0) | (np.abs(steps) > usual).any(axis=1)
+        return start
+
+    @property
     def clock(self) -> np.ndarray:
         """Return the time, or for a static map seconds that merely count the rows, (T,)."""
         return np.arange(len(self), dtype=float) if self.time is None else self.time

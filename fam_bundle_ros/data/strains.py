@@ -85,11 +85,14 @@ def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLe
     size = f'{-known.min():.4g}'
     if rest.used and choice.unit is not None and choice.unit.like == 'm':
         size = f'{-1e3 * rest.used * known.min():.4g} mm'
+    unit = '' if table.unit_text(choice.header) or choice.unit is None else (
+        f' [{choice.unit.text}]')
+    column = f'{choice.header}{unit}'
     raise InputError(
         f"{table.name}: by '{choice.header}' the muscle never is shorter than at rest; expected "
-        f'zero at the rest length, and the direction: --columns "{names[1]}={choice.header}" '
-        f'turns it round, --columns "{names[0]}={choice.header} {"-+"[choice.sign > 0]} {size}" '
-        f'moves its zero, --columns "{names[0]}={choice.header}" takes it as it is')
+        f'zero at the rest length, and the direction: --columns "{names[1]}={column}" '
+        f'turns it round, --columns "{names[0]}={column} {"-+"[choice.sign > 0]} {size}" '
+        f'moves its zero, --columns "{names[0]}={column}" takes it as it is')
 
 
 def _length_notes(name: str, choice: Choice, share: np.ndarray, rest: RestLength,

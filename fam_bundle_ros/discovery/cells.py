@@ -32,6 +32,8 @@ _STILL = 6.0
 #: Blocks of rows per cell: for a parabola over the range, in cells of 1/10 of it, the error of a
 #: cell's mean is 5e-5 of the change of the force.
 _BLOCKS = 4
+#: Change of strain or pressure, relative to its range, up to which rows are averaged.
+_BLUR = 0.05
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ class Cells:
         Standard deviation of the white noise of a row.
     stiffness : ndarray, shape (n,), N, or None
         -dF/de of the model if the force was constant and the strain was measured.
+    rows : int
+        Number of rows of the measurement, before neighbours were averaged.
     """
 
     data: Measurement
@@ -78,6 +82,7 @@ class Cells:
     strain_range: float
     pressure_range: np.ndarray
     stiffness: np.ndarray | None = None
+    rows: int = 0
 
     def __len__(self) -> int:
         return len(self.count)
@@ -203,7 +208,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  np.log(np.maximum(rate, max(CRAWL * np.percentile(rate, 90), 1e-9))),
                  np.round(mean(data.trial.astype(float))),
                  None if data.time is None else mean(data.time), noise, strain_range,
-                 pressure_range, None if stiff is None else mean(stiff))
+                 pressure_range, None if stiff is None else mean(stiff), len(measurement))
 
 
 def unknown_direction(data: Measurement) -> np.ndarray:
@@ -309,9 +314,18 @@ def thinned(data: Measurement, most: int) -> Measurement:
 
 
 def averaged(data: Measurement, block: int) -> Measurement:
-    """Return the log with each ``block`` of neighbours in a trial averaged into one row."""
+    """
+    Return the log with each ``block`` of neighbours in a trial averaged into one row.
+
+    Rows between which strain or a pressure changes by more than `_BLUR` of its range in a block
+    stay: the mean force is not the force at the mean state.
+    """
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
     first = position % block == 0
+    begin, label = np.flatnonzero(first), np.cumsum(first) - 1
+    for column in (data.strain, *data.pressure.T):
+        change = np.maximum.reduceat(column, begin) - np.minimum.reduceat(column, begin)
+        first |= (change > _BLUR * np.ptp(column))[label]
     label = np.cumsum(first) - 1
     mean = averages(label, int(label[-1]) + 1)
     return replace(
@@ -322,7 +336,7 @@ def averaged(data: Measurement, block: int) -> Measurement:
 
 def _widest_block(data: Measurement, least: int = 8) -> int:
     """Return the largest block, rows, in which the strain changes by at most 5 % of its range."""
-    width, reach = least, 0.05 * float(np.ptp(data.strain))
+    width, reach = least, _BLUR * float(np.ptp(data.strain))
     while width < 4096:
         steps = np.abs(data.strain[2 * width:] - data.strain[:-2 * width])
         steps = steps[data.trial[2 * width:] == data.trial[:-2 * width]]

@@ -34,6 +34,7 @@ from fam_bundle_ros.model import Bundle, catalogue, Motion
 #: An experiment of a smaller chi2 (three noise standard deviations) does not separate the models.
 _LEAST_SEPARATION = 9.0
 _PLAIN = 'sweep each isobar up and down, with the time logged'
+_FASTER, _SLOWER = (f'sweep the same isobars ten times {word}' for word in ('faster', 'slower'))
 #: A more difficult experiment is preferred to the plain sweep if its chi2 is larger by this
 #: factor: otherwise another speed could win for effects that do not depend on the speed.
 _ADVANTAGE = 1.1
@@ -127,8 +128,8 @@ def menu(cells: Cells, model: Bundle) -> list[Protocol]:
     again = data.sweep(np.array([0.5]))
     tests = [
         plain(cells, model),
-        data.protocol('sweep the same isobars ten times faster', data.sweep(levels, 10.0)),
-        data.protocol('sweep the same isobars ten times slower', data.sweep(levels, 0.1)),
+        data.protocol(_FASTER, data.sweep(levels, 10.0)),
+        data.protocol(_SLOWER, data.sweep(levels, 0.1)),
         data.protocol('step the strain, hold each step for 60 s and log the decay',
                       data.hold((0.2, 0.6, 0.4, 0.8), 60.0)),
         data.protocol('make small strain loops about one point at a fixed pressure', data.sweep(
@@ -205,17 +206,19 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
     """
     Return the experiment that best separates two fitted models, and all of them, best first.
 
-    The first is None if no experiment of the menu separates them. The plain sweep is omitted if
-    the data are such a sweep.
+    The first is None if no experiment of the menu separates them. If the data are a plain sweep,
+    it is omitted, as are sweeps at other speeds that separate them no better.
     """
-    ranked, swept = [], _is_swept(fitter.cells.data)
+    ranked = []
     for protocol in menu(fitter.cells, first.model):
-        if swept and protocol.name == _PLAIN:
-            continue
         separation = _separation(motion(protocol), first.model, second, fitter.cells.noise)
         if np.isfinite(separation):
             ranked.append(Experiment(protocol, separation))
     plain = max((item.separation for item in ranked if item.words == _PLAIN), default=0.0)
+    if _is_swept(fitter.cells.data):
+        ranked = [item for item in ranked if item.words not in (_PLAIN, _FASTER, _SLOWER)
+                  or item.words != _PLAIN and item.separation > _ADVANTAGE * plain]
+        plain = 0.0
     ranked.sort(key=lambda item: (-item.separation if item.separation > _ADVANTAGE * plain
                                   else -plain, item.words != _PLAIN))
     top = ranked[0] if ranked and ranked[0].separation > _LEAST_SEPARATION else None

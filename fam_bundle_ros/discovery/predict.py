@@ -23,7 +23,7 @@ def motion(data: Measurement) -> Motion:
     Strain and pressure of a log are smoothed according to their noise.
     """
     strain, pressure = data.smoothed
-    return Motion(strain, pressure, data.strain_rate, data.time, data.start)
+    return Motion(strain, pressure, data.strain_rate, data.time, data.restart)
 
 
 def matched(model: Bundle, data: Measurement) -> Measurement:

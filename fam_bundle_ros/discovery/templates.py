@@ -252,10 +252,11 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     speed[moving] = np.diff(total)[moving[1:]] / np.maximum(dt[moving], 1e-9)
     add(speed, 'with the rate of the pressure', 'N*s/Pa', makers('pressure_rate'), None,
         'pressure_rate')
+    restart = data.restart
     names = ((e, 'strain', 'N'), (total, 'pressure', 'N/Pa'), (force, 'force', ''))
     for signal, words, unit in names:
         for steps in (4, 16, 64, 256, 1024):
-            slow_part = _lagged(signal, data.start, steps)
+            slow_part = _lagged(signal, restart, steps)
             add(slow_part - signal, f'decays over {steps * usual:.3g} s after {words} changes',
                 unit, makers('decay'), None, 'decay', 1)
     _add_hum(add, cells, residual, time if continuing else own)

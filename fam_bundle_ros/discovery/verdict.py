@@ -304,7 +304,8 @@ def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
     Return a warning if an effect with memory that was found could be another one.
 
     Lag, creep and friction give the same hysteresis loop if the pressure of a muscle at rest
-    changes at one rate only: a factor below e between the 10th and the 90th percentile.
+    changes at one rate only: a factor below e between the rates below which a tenth and nine
+    tenths of the changes are made.
     """
     laws = catalogue.available()
     named = [change.label for change in found if change.new in laws and laws[change.new].memory]
@@ -312,7 +313,8 @@ def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
     if not named or data.time is None or not data.is_held:
         return []
     filled = data.direction_basis == BY_PRESSURE
-    slow, fast = np.percentile(pressure_speed(data)[filled], (10, 90)) / 1e3
+    speed = np.sort(pressure_speed(data)[filled])
+    slow, fast = np.interp((0.1, 0.9), np.cumsum(speed) / max(speed.sum(), 1e-9), speed) / 1e3
     if slow <= 0.0 or np.log(fast / slow) > settings.SPEED_LENGTH:
         return []
     rates = ' to '.join(dict.fromkeys(f'{rate:.3g}' for rate in (slow, fast)))

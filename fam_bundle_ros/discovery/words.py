@@ -118,8 +118,8 @@ def _down_to(noise_only: str, error: Mapping[str, float]) -> str:
     """Return what is explained: the words for all but noise, or that more is left."""
     best, noise = error['best'], error['noise']
     if best ** 2 - noise ** 2 > (settings.VISIBLE * best) ** 2:
-        return (f'all systematic error; {best:.3g} N rms without structure are left, above '
-                f'the noise floor of {noise:.3g} N')
+        return (f'the error down to {best:.3g} N rms, above the noise floor of {noise:.3g} N, '
+                'without a further shape that is known')
     return noise_only
 
 
@@ -194,7 +194,10 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
     if left_out:
         missed = (data.force - final.model.predict(cells.motion))[cells.label >= 0]
         why = ', '.join(f'{rows} {words}' for words, rows in cells.unused.items())
-        notes.append(f'{left_out} of {len(cells.label)} rows are not used ({why}); on the others '
+        of = f'{len(cells.label)} rows' + (
+            f' (averages of neighbours; the log has {cells.rows})'
+            if cells.rows > len(cells.label) else '')
+        notes.append(f'{left_out} of {of} are not used ({why}); on the others '
                      f'the best error is {rms(missed):.3g} N')
     if cells.stiffness is not None:
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '

@@ -135,8 +135,8 @@ def test_a_displacement_with_an_offset_is_noticed(log, header, offset, said):
 @pytest.mark.parametrize(('header', 'values', 'told', 'strain'), [
     ('position [mm]', lambda e: 30 - 100 * e, 'elongation=position [mm] - 30 mm',
      lambda e: 0.4 * e),
-    ('strain', lambda e: -e, 'elongation=strain', lambda e: e),
-    ('strain', lambda e: -e, 'contraction=strain', lambda e: -e)])
+    ('strain', lambda e: -e, 'elongation=strain [1]', lambda e: e),
+    ('strain', lambda e: -e, 'contraction=strain [1]', lambda e: -e)])
 def test_a_muscle_that_is_never_shorter_than_at_rest_is_asked(log, header, values, told, strain):
     """Each choice of the message is read as it says: another direction, another zero, neither."""
     data = table(log, strain=(header, values(log[1])))

@@ -123,6 +123,18 @@ def test_neighbours_are_averaged_in_blocks_trial_by_trial(long_log):
     assert np.bincount(found.trial).tolist() == [715, 429]
 
 
+def test_rows_in_which_a_valve_moves_the_pressure_are_not_averaged(long_log):
+    """The mean force of a step of the pressure is not the force at the mean pressure."""
+    step = long_log.pressure.copy()
+    step[2003:2005] += [[1e5], [2e5]]
+    step[2005:5000] += 2e5
+    found = averaged(replace(long_log, pressure=step), 7)
+    assert len(found) == 715 + 429 + 6  # one block of seven
+    assert_allclose(found.pressure[286:293], step[2002:2009])
+    assert_allclose(found.force[286:293], long_log.force[2002:2009])
+    assert_allclose(found.pressure[293], step[2009:2016].mean())
+
+
 def test_a_block_is_as_wide_as_the_motion_bears(long_log):
     """Within two blocks nine tenths of the rows move by less than a twentieth of the range."""
     width = _widest_block(long_log)

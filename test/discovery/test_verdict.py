@@ -353,6 +353,17 @@ def test_memory_found_at_one_rate_of_the_pressure_is_doubtful(paper_muscle, rate
     assert not _alike_at_one_rate(cells, [Change('', 'end_caps')])
 
 
+def test_a_valve_that_is_opened_wide_is_another_rate_though_it_takes_few_rows(paper_muscle):
+    """A fifth of the way of the pressure in a fiftieth of the time."""
+    ramp, step = np.linspace(0.0, 3e5, 400), np.linspace(0.0, 3e5, 8)
+    pressure = np.tile(np.concatenate([ramp, ramp[::-1], step, step[::-1]]), 4)
+    trial = np.repeat(np.arange(4), len(pressure) // 4)
+    force = 1e-4 * pressure + np.random.default_rng(0).normal(0.0, 0.3, len(trial))
+    cells = reduce(paper_muscle, build('steps', 0.02 * trial, pressure, force, trial,
+                                       0.02 * np.arange(len(trial))))
+    assert not _alike_at_one_rate(cells, [Change('', 'pressure_creep')])
+
+
 def test_what_is_explained_is_a_share_of_the_mean_square_whatever_the_noise(search):
     """Nine tenths of it are gone; how small the noise is beside what is left does not matter."""
     null = search(nothing=0.0).null

@@ -53,7 +53,7 @@ def test_a_trial_that_was_taken_out_breaks_no_order():
 
 
 @pytest.mark.parametrize(('rough', 'noise', 'told'), [
-    (0.1, 1.3, 'down to the noise'), (0.1, 0.0, '1.36 N rms without structure are left'),
+    (0.1, 1.3, 'down to the noise'), (0.1, 0.0, 'down to 1.36 N rms, above the noise floor'),
     (1.3, 0.4, 'down to 1.36 N')])
 def test_what_is_left_without_a_shape_is_not_called_noise(rough, noise, told):
     """Stick and slip, in cells or between them, though as good as none for a rig."""
@@ -143,8 +143,8 @@ def test_a_model_that_is_right_or_off_in_its_dimensions_lacks_nothing():
         'their noise; 0.21 N rms of a smooth shape are left, less than half the noise of a row: '
         'a smaller --unexplained searches for effects of this size')
     assert said('adequate', best=3.0) == (
-        'the model explains all systematic error; 3 N rms without structure are left, above the '
-        'noise floor of 0.59 N')
+        'the model explains the error down to 3 N rms, above the noise floor of 0.59 N, without '
+        'a further shape that is known')
     assert said('recalibrate') == (
         "the model's own parameters explain the error (tolerances moved: radius -1.2, "
         'factor +4.0); no effect is missing')
@@ -208,7 +208,7 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
     label = np.arange(len(data)) // 3
     cells = SimpleNamespace(data=data, label=label, unused={'spikes': 3, 'odd': 4}, motion=None,
-                            stiffness=None)
+                            stiffness=None, rows=600)
     assert notes_on(cells, floor, calm, calm, kinds) == ()
     label[:7] = -1
     ripple = SimpleNamespace(note='a fine ripple')
@@ -216,6 +216,9 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     assert found[0] == 'a fine ripple'
     assert found[1].startswith('7 of 600 rows are not used (3 spikes, 4 odd); on the others')
     assert found[1].endswith('the best error is 0.5 N')
+    cells.rows = 3600
+    assert '7 of 600 rows (averages of neighbours; the log has 3600) are not used' in notes_on(
+        cells, ripple, calm, calm, kinds)[1]
     assert found[2].startswith('the data have no folds')
     assert found[3] == ('the refit moves the geometry beyond its tolerances: geometry.radius '
                         '-3.2 tolerances')
