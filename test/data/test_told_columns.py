@@ -36,15 +36,15 @@ def test_columns_can_be_told(log, columns, right):
     assert np.allclose(data.force, right * log[3])
 
 
-@pytest.mark.parametrize(('header', 'said'), [
-    ('Kanal 2 (bar)', 'as told'), ('Kanal 2 (Ventil)', 'bar guessed, no unit given')])
-def test_a_unit_in_round_brackets_is_one_if_it_fits(log, header, said):
+@pytest.mark.parametrize(('header', 'why'), [
+    ('Kanal 2 (bar)', ''), ('Kanal 2 (Ventil)', 'bar guessed, no unit given')])
+def test_a_unit_in_round_brackets_is_one_if_it_fits(log, header, why):
     """Otherwise it is a remark."""
     time, strain, pressure, force = log
     data = read_measurement({'time [s]': time, 'strain': strain, header: pressure / 1e5,
                              'force [N]': force}, columns={'pressure': header})
     assert np.allclose(data.pressure[:, 0], pressure)
-    assert said in next(taken.why for taken in data.taken if taken.header == header)
+    assert why == next(taken.why for taken in data.taken if taken.header == header)
 
 
 def test_what_is_told_counts_more_than_what_would_be_recognised(log):
