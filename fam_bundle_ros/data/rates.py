@@ -361,9 +361,10 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
 
 def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     """
-    Return which rows are at a turning point, (T,) bool: at rest between opposite motions.
+    Return the rows, (T,) bool, in which it is not known whether, or which way, there is motion.
 
-    A rest that is longer than the window of the slope is a hold, and no turning point.
+    At rest between opposite motions; and within half a window of the beginning or end of a hold,
+    a rest longer than the window of the slope, as that smooths the rate there.
 
     Parameters
     ----------
@@ -379,4 +380,8 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     turns = np.zeros(len(begin), bool)
     turns[1:-1] = ((way[1:-1] == 0) & (way[:-2] * way[2:] < 0) & (of[:-2] == of[2:])
                    & (length[1:-1] <= window))
-    return np.repeat(turns, length)
+    unknown = np.repeat(turns, length)
+    held = (way == 0) & (length > window)
+    for row in begin[1:][(held[1:] != held[:-1]) & (of[1:] == of[:-1])]:
+        unknown[max(row - window // 2, 0):row + window // 2] = True
+    return unknown

@@ -317,13 +317,13 @@ def averaged(data: Measurement, block: int) -> Measurement:
     """
     Return the log with each ``block`` of neighbours in a trial averaged into one row.
 
-    Rows between which strain or a pressure changes by more than `_BLUR` of its range in a block
-    stay: the mean force is not the force at the mean state.
+    Rows of a block in which strain or a pressure changes by more than `_BLUR` of its range, or in
+    which the motion turns round, stay: the mean force is not the force at the mean state.
     """
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
     first = position % block == 0
     begin, label = np.flatnonzero(first), np.cumsum(first) - 1
-    for column in (data.strain, *data.pressure.T):
+    for column in (data.strain, data.direction, *data.pressure.T):
         change = np.maximum.reduceat(column, begin) - np.minimum.reduceat(column, begin)
         first |= (change > _BLUR * np.ptp(column))[label]
     label = np.cumsum(first) - 1

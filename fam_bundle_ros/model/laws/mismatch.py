@@ -4,11 +4,16 @@
 
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import of_unit
 
 _PARAMETERS: dict[str, Any] = {
     f'mu{i}': Parameter(0.0, '1', -0.4, 0.4, f'cross section of unit {i} over unit 1, minus 1')
+    for i in range(2, 7)}
+_LENGTHS: dict[str, Any] = {
+    f'mu{i}': Parameter(0.0, 'mm', -10.0, 10.0, f'length of unit {i} minus that of unit 1')
     for i in range(2, 7)}
 
 
@@ -24,3 +29,21 @@ def motor_unit_mismatch(unit, mu2, mu3, mu4, mu5, mu6):
     Motor units after the sixth are unchanged.
     """
     return of_unit(unit, 0.0, mu2, mu3, mu4, mu5, mu6)
+
+
+@law('geometry', changes='strain', family='unit_length', per_unit='later',
+     leaves=('smooth0', 'smooth1'), look=('indigo', 'dash'),
+     summary='motor units of unequal length between the same ends',
+     source='derived: l = L (1 - e) at both units, the strain of one of rest length L + d',
+     signature='the error has the shape of dF/de of one motor unit',
+     remedy='measure the rest length of each muscle, clamped as in the bundle',
+     off=dict.fromkeys(_LENGTHS, 0.0), **_LENGTHS)
+def unit_length_mismatch(unit, strain, length, mu2, mu3, mu4, mu5, mu6):
+    """
+    Strain e -> 1 - (1 - e) L/(L + d_i), d_1 = 0: lengths relative to the first motor unit.
+
+    A longer unit is slack, and is shortened before it pulls. Motor units after the sixth are
+    unchanged.
+    """
+    longer = of_unit(unit, 0.0, mu2, mu3, mu4, mu5, mu6)
+    return (1.0 - strain) * longer / np.maximum(length + longer, 0.25 * length)
