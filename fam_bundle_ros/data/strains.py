@@ -85,9 +85,9 @@ def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLe
     size = f'{-known.min():.4g}'
     if rest.used and choice.unit is not None and choice.unit.like == 'm':
         size = f'{-1e3 * rest.used * known.min():.4g} mm'
-    unit = '' if table.unit_text(choice.header) or choice.unit is None else (
-        f' [{choice.unit.text}]')
-    column = f'{choice.header}{unit}'
+    header = choice.header or ''
+    column = header if table.unit_text(header) or choice.unit is None else (
+        f'{header} [{choice.unit.text}]')
     raise InputError(
         f"{table.name}: by '{choice.header}' the muscle never is shorter than at rest; expected "
         f'zero at the rest length, and the direction: --columns "{names[1]}={column}" '

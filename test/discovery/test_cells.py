@@ -35,6 +35,12 @@ def long_log():
     return build('long', strain, pressure, 50.0 - 100.0 * strain, trial, time)
 
 
+@pytest.fixture(scope='module')
+def one_way(long_log):
+    """Return the log as if it did not turn round."""
+    return replace(long_log, direction=np.ones(len(long_log), int))
+
+
 def test_averages_are_means_of_the_rows_of_a_cell():
     """Rows of no cell do not count; columns are averaged one by one."""
     label = np.array([2, 0, -1, 2, 1, 0, 2])
@@ -110,9 +116,9 @@ def test_stays_end_with_trial_direction_and_distance(sweeps):
     assert widths.max() < 0.24 / 10.0
 
 
-def test_neighbours_are_averaged_in_blocks_trial_by_trial(long_log):
+def test_neighbours_are_averaged_in_blocks_trial_by_trial(one_way):
     """A block has rows of one trial; the last of each may be shorter."""
-    found = averaged(long_log, 7)
+    long_log, found = one_way, averaged(one_way, 7)
     assert len(found) == 715 + 429
     for name in ('time', 'strain', 'force', 'strain_rate'):
         values = getattr(long_log, name)
@@ -123,9 +129,19 @@ def test_neighbours_are_averaged_in_blocks_trial_by_trial(long_log):
     assert np.bincount(found.trial).tolist() == [715, 429]
 
 
-def test_rows_in_which_a_valve_moves_the_pressure_are_not_averaged(long_log):
+def test_rows_of_both_directions_are_not_averaged(long_log):
+    """The mean of friction both ways is that of none."""
+    found = averaged(long_log, 8)  # the mean time of eight rows is that of none of them
+    turned = np.flatnonzero(np.diff(long_log.direction) != 0)
+    inside = turned[turned % 8 != 7]
+    assert len(inside) > 5
+    assert np.isin(long_log.time[[*inside, *inside + 1]], found.time).all()
+    assert len(found) == 1000 + 7 * len(set(inside // 8))
+
+
+def test_rows_in_which_a_valve_moves_the_pressure_are_not_averaged(one_way):
     """The mean force of a step of the pressure is not the force at the mean pressure."""
-    step = long_log.pressure.copy()
+    long_log, step = one_way, one_way.pressure.copy()
     step[2003:2005] += [[1e5], [2e5]]
     step[2005:5000] += 2e5
     found = averaged(replace(long_log, pressure=step), 7)
@@ -145,8 +161,9 @@ def test_a_block_is_as_wide_as_the_motion_bears(long_log):
     assert _widest_block(fast) == 8
 
 
-def test_a_long_log_is_thinned_and_a_short_one_is_not(long_log):
+def test_a_long_log_is_thinned_and_a_short_one_is_not(one_way):
     """By averages where the motion bears it, else by stretches from all over it too."""
+    long_log = one_way
     assert thinned(long_log, 8000) is long_log
     few = thinned(long_log, 2000)
     assert 2000 <= len(few) <= 2002
@@ -273,7 +290,7 @@ def test_rows_at_a_turning_point_are_in_no_cell_but_a_hold_is(paper_muscle):
     data = build('log', strain, np.full((len(time), 1), 2e5), 50.0 - 100.0 * strain, None, time)
     out = time[unknown_direction(data)][1:]
     turns = np.interp([0.75, 2.25, 3.75, 5.25, 8.25, 9.75], phase, time)
-    near = np.abs(out[:, None] - turns)
+    near = np.abs(out[:, None] - [*turns, 6.0, 8.0])  # the rate is smoothed over the hold's ends
     assert near.min(axis=1).max() < 0.1
     assert near.min(axis=0).max() < 0.1
     assert reduce(paper_muscle, data).label[(time > 6.2) & (time < 7.8)].min() >= 0

@@ -23,6 +23,7 @@ from fam_bundle_ros.model import (
 )
 from fam_bundle_ros.model.compose import composition
 from fam_bundle_ros.model.laws.base import KINDS
+from fam_bundle_ros.model.laws.bladder import bladder_elasticity
 from fam_bundle_ros.model.laws.mesh import mesh
 
 from .conftest import PAPER, units
@@ -265,6 +266,20 @@ def test_a_larger_section_is_a_larger_muscle_of_the_same_length():
     assert_allclose(told.unit_forces(strain, pressure, 0.1),
                     mixed.unit_forces(strain, pressure, 0.1), rtol=1e-12)
     assert_allclose(told.gas_volume(strain), mixed.gas_volume(strain), rtol=1e-12)
+
+
+@pytest.mark.parametrize('longer', [3e-3, -3e-3])
+def test_unit_length_mismatch_is_a_muscle_of_that_length_between_the_same_ends(longer):
+    """Its force at the strain of its own length; the first unit is unchanged, and so the rest."""
+    length = PAPER.length + longer
+    unequal = Bundle('b', units(3), [
+        mesh(), bladder_elasticity(), catalogue.get('unit_length_mismatch')(mu2=longer)])
+    strain, pressure = np.linspace(0.0, 0.25, 6), np.full((6, 3), 2e5)
+    equal = Bundle('e', units(1), [mesh(), bladder_elasticity()])
+    own = 1.0 - PAPER.length * (1.0 - strain) / length
+    forces = unequal.unit_forces(strain, pressure)
+    assert_allclose(forces[:, 1], equal.force(own, pressure[:, :1]), rtol=1e-12)
+    assert_allclose(forces[:, [0, 2]].T, [equal.force(strain, pressure[:, :1])] * 2, rtol=1e-12)
 
 
 def test_gauges_of_a_bundle_have_errors_of_their_own():
