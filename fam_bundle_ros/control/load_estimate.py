@@ -32,7 +32,7 @@ _OTHER = 1.0
 #: Strain over which the stiffness may change completely.
 _REACH = 0.1
 #: Prior sd of the inertia over the usual one: up to a robot's arm.
-_INERTIAS = 100.0
+INERTIAS = 100.0
 #: 1/s: damping of guides over the usual inertia.
 _DRAG = 30.0
 #: Steps in which the random walk of damping and inertia reaches their own size.
@@ -97,7 +97,7 @@ def begin_load(state: Any, most: float, usual: float) -> None:
     state.value[2] = state.inertia = usual
     state.covariance[0][0] = most ** 2
     state.covariance[1][1] = (_DRAG * usual) ** 2
-    state.covariance[2][2] = (_INERTIAS * usual) ** 2
+    state.covariance[2][2] = (INERTIAS * usual) ** 2
 
 
 def take_up(state: Any, strain: float, force: float) -> None:

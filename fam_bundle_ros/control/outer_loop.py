@@ -14,7 +14,7 @@ from typing import Any
 
 from fam_bundle_ros.control.adaptation import GAUGE_SHARE
 from fam_bundle_ros.control.friction import forget_friction, FrictionState
-from fam_bundle_ros.control.load_estimate import forget_load, LoadEstimate
+from fam_bundle_ros.control.load_estimate import forget_load, INERTIAS, LoadEstimate
 from fam_bundle_ros.control.observer import (
     begin_at,
     forget_observer,
@@ -164,7 +164,7 @@ class OuterState:
 def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSettings:
     """Return the record that `outer_step` takes."""
     slope, bend = unit_stiffness(bundle)
-    stiffnesses = stiffness_grid(bundle, load.stiffness)
+    stiffnesses = stiffness_grid(bundle, load.stiffness, 1.0 if load.known else INERTIAS)
     found = [default_strain_gains(config, load, stiffness) for stiffness in stiffnesses]
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain

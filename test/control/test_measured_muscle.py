@@ -5,7 +5,10 @@
 import numpy as np
 import pytest
 
+from fam_bundle_ros.benchmarks.control import model_of, plant_of
+from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
 from fam_bundle_ros.benchmarks.foreign_muscle import grid, Wrong
+from fam_bundle_ros.benchmarks.margins import CONTROLLERS, loop_of
 from fam_bundle_ros.benchmarks.measured_muscle import (
     DATA,
     diagnosed_bundle,
@@ -13,6 +16,7 @@ from fam_bundle_ros.benchmarks.measured_muscle import (
     muscle_tables,
 )
 from fam_bundle_ros.benchmarks.plants import rest_force
+from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.data import as_measurement
 from fam_bundle_ros.resources import config_path
 
@@ -31,6 +35,16 @@ def test_the_plant_pulls_as_was_measured(readings, friction):
     plant = measured_plant(diagnosed_bundle(2), Wrong(friction=friction))
     found = [rest_force(plant, e, [p, p]) / 2.0 for e, p, _ in zip(*readings)]
     assert found == pytest.approx(readings[2], abs=3.0)
+
+
+@pytest.mark.parametrize('units', [2, 6])
+def test_a_heavy_load_that_nobody_told_is_held_at_rest(units):
+    """46 kg on gains for lighter loads swung by 0.05 in strain for good."""
+    log = loop_of('measured', units, CONTROLLERS['untold_load'], BaselineConfig()).run(
+        make_trajectory('load_step', model_of('measured', units), plant_of('measured', units),
+                        long=False))
+    held = (log.time > 5.5) & (log.time < 6.0)  # a second after the load has changed
+    assert np.abs(log.error[held]).max() < 0.002
 
 
 def test_where_it_was_slack_the_plant_pushes_back():

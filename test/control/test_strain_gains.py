@@ -113,6 +113,20 @@ def test_stiffnesses_for_which_gains_are_worked_out_go_up_in_even_ratios(bundles
     assert len(stiffness_grid(bundle, 1e6)) == 2
 
 
+def test_gains_of_an_unknown_load_reach_down_to_the_heaviest(bundles):
+    """Stiffness over inertia counts; below the others, steps no wider, alike for all bundles."""
+    grids = [stiffness_grid(bundles[n], 30.0, 100.0) for n in (2, 3)]
+    for grid, n in zip(grids, (2, 3)):
+        known = stiffness_grid(bundles[n], 30.0)
+        assert grid[-len(known):] == known
+        assert grid[0] <= known[0] / 100.0 < grid[1]
+        ratios = np.array(grid[1:]) / grid[:-1]
+        assert ratios.min() > 1.0
+        assert ratios[:-len(known)] == pytest.approx(SPAN ** 2)
+        assert ratios.max() <= SPAN ** 2 * (1.0 + 1e-9)
+    assert set(grids[0][:5]) & set(grids[1][:5])
+
+
 def test_any_load_has_a_hundredth_of_critical_damping():
     """Or its own, where that is more."""
     assert drag_of(400.0, 1.0, 0.0) == pytest.approx(0.4)
