@@ -177,7 +177,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
         If data and model have different motor units.
     """
     most = most or settings.CELLS
-    data = thinned(matched(model, measurement), settings.ROWS)
+    data, blurred = thinned(matched(model, measurement), settings.ROWS)
     record = motion(data)
     residual = data.force - model.predict(record)
     floor = noise_floor(data, residual)
@@ -191,12 +191,14 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
         label = (_places if data.is_static else _visits)(
             data, data.direction, strain_range, pressure_range, most)
     far, turns = spikes(data, residual, noise), unknown_direction(data)
-    label = _at_most(most, np.where(far | turns, -1, label))
+    label = _at_most(most, np.where(far | turns | blurred, -1, label))
     left = (label < 0) & ~far
     unused = {'spikes': far.sum(),
+              'averages over a step of strain or pressure, or over a turn': (
+                  left & blurred & ~turns).sum(),
               'the first of a trial or at a turning point, where the direction of motion is not '
               'known': (left & turns).sum(),
-              f'from visits beyond {most}, evenly spread': (left & ~turns).sum()}
+              f'from visits beyond {most}, evenly spread': (left & ~turns & ~blurred).sum()}
     count = np.bincount(label[label >= 0]).astype(float)
     mean = averages(label, len(count))
 
@@ -301,46 +303,51 @@ def _visits(data: Measurement, direction: np.ndarray, strain_range: float,
 
 # --- fewer rows --------------------------------------------------------------------------------
 
-def thinned(data: Measurement, most: int) -> Measurement:
+def thinned(data: Measurement, most: int) -> tuple[Measurement, np.ndarray]:
     """
-    Return a log with neighbours averaged to about ``most`` rows.
+    Return a log with neighbours averaged to about ``most`` rows, and which are blurred (`averaged`).
 
     If that would blur the motion, blocks are smaller and only stretches of the log are kept.
     """
     if data.is_static or len(data) <= most:
-        return data
+        return data, np.zeros(len(data), bool)
     block = min(int(np.ceil(len(data) / most)), _widest_block(data))
     return averaged(_stretches(data, most * block), block)
 
 
-def averaged(data: Measurement, block: int) -> Measurement:
+def averaged(data: Measurement, block: int) -> tuple[Measurement, np.ndarray]:
     """
     Return the log with each ``block`` of neighbours in a trial averaged into one row.
 
-    Rows of a block in which strain or a pressure changes by more than `_BLUR` of its range, or in
-    which the motion turns round, stay: the mean force is not the force at the mean state.
+    Also returned is in which rows, bool, strain or a pressure changed by more than `_BLUR` of its
+    range, or the motion turned round: the mean force is not the force at the mean state there.
     """
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
     first = position % block == 0
-    begin, label = np.flatnonzero(first), np.cumsum(first) - 1
-    for column in (data.strain, data.direction, *data.pressure.T):
-        change = np.maximum.reduceat(column, begin) - np.minimum.reduceat(column, begin)
-        first |= (change > _BLUR * np.ptp(column))[label]
     label = np.cumsum(first) - 1
     mean = averages(label, int(label[-1]) + 1)
+    begin, blurred = np.flatnonzero(first), np.zeros(label[-1] + 1, bool)
+    for column in (data.strain, data.direction, *data.pressure.T):
+        change = np.maximum.reduceat(column, begin) - np.minimum.reduceat(column, begin)
+        blurred |= change > _BLUR * np.ptp(column)
     return replace(
         data.select(first), strain=mean(data.strain), force=mean(data.force),
         strain_rate=mean(data.strain_rate), pressure=mean(data.pressure),
-        time=None if data.time is None else mean(data.time))
+        time=None if data.time is None else mean(data.time)), blurred
 
 
 def _widest_block(data: Measurement, least: int = 8) -> int:
-    """Return the largest block, rows, in which the strain changes by at most 5 % of its range."""
-    width, reach = least, _BLUR * float(np.ptp(data.strain))
+    """
+    Return the largest block, rows, in which strain and pressures change by `_BLUR` at most.
+
+    Relative to their ranges, in nine tenths of the blocks.
+    """
+    width, columns = least, np.column_stack([data.strain, data.pressure])
+    reach = _BLUR * np.ptp(columns, axis=0)
     while width < 4096:
-        steps = np.abs(data.strain[2 * width:] - data.strain[:-2 * width])
+        steps = np.abs(columns[2 * width:] - columns[:-2 * width])
         steps = steps[data.trial[2 * width:] == data.trial[:-2 * width]]
-        if not len(steps) or np.percentile(steps, 90) > reach:
+        if not len(steps) or (np.percentile(steps, 90, axis=0) > reach).any():
             break
         width *= 2
     return width

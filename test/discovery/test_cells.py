@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import (
     _at_most,
     _places,
@@ -118,7 +119,8 @@ def test_stays_end_with_trial_direction_and_distance(sweeps):
 
 def test_neighbours_are_averaged_in_blocks_trial_by_trial(one_way):
     """A block has rows of one trial; the last of each may be shorter."""
-    long_log, found = one_way, averaged(one_way, 7)
+    long_log, (found, blurred) = one_way, averaged(one_way, 7)
+    assert not blurred.any()
     assert len(found) == 715 + 429
     for name in ('time', 'strain', 'force', 'strain_rate'):
         values = getattr(long_log, name)
@@ -129,26 +131,29 @@ def test_neighbours_are_averaged_in_blocks_trial_by_trial(one_way):
     assert np.bincount(found.trial).tolist() == [715, 429]
 
 
-def test_rows_of_both_directions_are_not_averaged(long_log):
-    """The mean of friction both ways is that of none."""
-    found = averaged(long_log, 8)  # the mean time of eight rows is that of none of them
+def test_averages_over_both_directions_are_known(long_log, paper_muscle):
+    """The mean of friction both ways is that of none: they are in no cell."""
+    found, blurred = averaged(long_log, 8)
     turned = np.flatnonzero(np.diff(long_log.direction) != 0)
-    inside = turned[turned % 8 != 7]
+    inside = turned[turned % 8 != 7] // 8
     assert len(inside) > 5
-    assert np.isin(long_log.time[[*inside, *inside + 1]], found.time).all()
-    assert len(found) == 1000 + 7 * len(set(inside // 8))
+    assert np.flatnonzero(blurred).tolist() == sorted(set(inside))
+    assert np.all(found.direction[1:][~blurred[1:]] == long_log.direction[8::8][~blurred[1:]])
 
 
-def test_rows_in_which_a_valve_moves_the_pressure_are_not_averaged(one_way):
-    """The mean force of a step of the pressure is not the force at the mean pressure."""
-    long_log, step = one_way, one_way.pressure.copy()
+def test_averages_over_a_step_of_the_pressure_are_in_no_cell(one_way, paper_muscle, monkeypatch):
+    """Their mean force is not the force at the mean pressure."""
+    step = one_way.pressure.copy()
     step[2003:2005] += [[1e5], [2e5]]
     step[2005:5000] += 2e5
-    found = averaged(replace(long_log, pressure=step), 7)
-    assert len(found) == 715 + 429 + 6  # one block of seven
-    assert_allclose(found.pressure[286:293], step[2002:2009])
-    assert_allclose(found.force[286:293], long_log.force[2002:2009])
-    assert_allclose(found.pressure[293], step[2009:2016].mean())
+    log = replace(one_way, pressure=step)
+    found, blurred = averaged(log, 7)
+    assert np.flatnonzero(blurred).tolist() == [286]
+    assert len(found) == 715 + 429
+    monkeypatch.setattr(settings, 'ROWS', 1143)
+    cells = reduce(paper_muscle, log, most=2000)
+    assert cells.label[286] == -1
+    assert cells.unused['averages over a step of strain or pressure, or over a turn'] == 1
 
 
 def test_a_block_is_as_wide_as_the_motion_bears(long_log):
@@ -164,16 +169,16 @@ def test_a_block_is_as_wide_as_the_motion_bears(long_log):
 def test_a_long_log_is_thinned_and_a_short_one_is_not(one_way):
     """By averages where the motion bears it, else by stretches from all over it too."""
     long_log = one_way
-    assert thinned(long_log, 8000) is long_log
-    few = thinned(long_log, 2000)
+    assert thinned(long_log, 8000)[0] is long_log
+    few, _ = thinned(long_log, 2000)
     assert 2000 <= len(few) <= 2002
     assert_allclose(few.strain[:3], long_log.strain[:12].reshape(3, 4).mean(axis=1))
-    fewest = thinned(long_log, 100)
+    fewest, _ = thinned(long_log, 100)
     assert 80 <= len(fewest) <= 100 + 24
     assert fewest.time.min() < 4.0
     assert fewest.time.max() > 396.0
     still = replace(long_log, time=None)
-    assert thinned(still, 100) is still
+    assert thinned(still, 100)[0] is still
 
 
 def test_stretches_are_unbroken_and_from_all_over(long_log):
