@@ -305,7 +305,7 @@ def _visits(data: Measurement, direction: np.ndarray, strain_range: float,
 
 def thinned(data: Measurement, most: int) -> tuple[Measurement, np.ndarray]:
     """
-    Return a log with neighbours averaged to about ``most`` rows, and the blurred ones (`averaged`).
+    Return a log with neighbours averaged to about ``most`` rows, and the blurred: see `averaged`.
 
     If that would blur the motion, blocks are smaller and only stretches of the log are kept.
     """
