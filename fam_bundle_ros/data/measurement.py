@@ -169,15 +169,16 @@ class Measurement(Told):
         """
         Return which rows have an unknown past, (T,) bool: the first ones of interrupted trials.
 
-        A trial continues that before where time, strain and pressures change by no more than they
-        do between two rows of a trial: the trials are then parts of one recording.
+        Where the clock runs on, by no more than between two rows of a trial, the trials are parts
+        of one recording.
         """
         start = self.start.copy()
         if self.time is None:
             return start
-        steps = np.diff(np.column_stack([self.time, self.strain, self.pressure]), axis=0)
-        usual = np.abs(steps[~start[1:]]).max(axis=0, initial=0.0)
-        start[1:] &= (steps[:, 0] < 0.0) | (np.abs(steps) > usual).any(axis=1)
+        steps = np.diff(self.time)
+        # relative to rounding of the clock
+        most = steps[~start[1:]].max(initial=0.0) * (1.0 + 1e-6)
+        start[1:] &= (steps < 0.0) | (steps > most)
         return start
 
     @property
