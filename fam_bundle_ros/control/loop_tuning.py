@@ -18,7 +18,7 @@ import numpy as np
 from fam_bundle_ros.control.outer import command_lag, default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import outer_settings
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
-from fam_bundle_ros.control.strain_gains import drag_of, GAIN_ERRORS, RATE_LAG
+from fam_bundle_ros.control.strain_gains import drag_of, GAIN_ERRORS, RATE_LAG, stiffness_grid
 from fam_bundle_ros.control.tuning import python_control
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -156,9 +156,11 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
                          'strain loop')
     whole = command_lag(config, sample_period) + sample_period
     dead = ct.tf(*ct.pade(whole, 4))
-    gains = list(zip(settings.strain_gain, settings.strain_integral, settings.strain_damping))
+    stiffnesses = stiffness_grid(bundle, load.stiffness)
+    gains = list(zip(settings.strain_gain, settings.strain_integral, settings.strain_damping))[
+        -len(stiffnesses):]
     middle, points = len(gains) // 2, []
-    for stiffness, (gain, integral, damping) in zip(settings.stiffnesses, gains):
+    for stiffness, (gain, integral, damping) in zip(stiffnesses, gains):
         control = ct.tf([gain, integral], [1.0, 0.0]) + ct.tf([damping, 0.0], [RATE_LAG, 1.0])
         for e in GAIN_ERRORS:
             drag = float(drag_of(stiffness, load.inertia, load.damping))
@@ -166,7 +168,7 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
             loop = control * dead * plant
             step = _strain_step(ct, control, dead, plant)
             points.append(replace(_point(ct, loop, e, step),
-                                  stiffness=stiffness / settings.stiffnesses[middle]))
+                                  stiffness=stiffness / stiffnesses[middle]))
     names = ('strain_gain', 'strain_integral', 'strain_damping')
     return LoopResult(dict(zip(names, gains[middle])), whole, tuple(points))
 

@@ -164,8 +164,10 @@ class OuterState:
 def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSettings:
     """Return the record that `outer_step` takes."""
     slope, bend = unit_stiffness(bundle)
-    stiffnesses = stiffness_grid(bundle, load.stiffness, 1.0 if load.known else INERTIAS)
-    found = [default_strain_gains(config, load, stiffness) for stiffness in stiffnesses]
+    stiffnesses = stiffness_grid(bundle, load.stiffness, INERTIAS)
+    # Only an unknown load may be heavier than the one that gains are computed for.
+    least = stiffness_grid(bundle, load.stiffness)[0] if load.known else 0.0
+    found = [default_strain_gains(config, load, max(each, least)) for each in stiffnesses]
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain

@@ -32,7 +32,7 @@ def motor_unit_mismatch(unit, mu2, mu3, mu4, mu5, mu6):
 
 
 @law('geometry', changes='strain', family='unit_length', per_unit='later',
-     leaves=('smooth0', 'smooth1'), look=('indigo', 'dash'),
+     leaves=('smooth0', 'smooth1'), look=('indigo', 'longdashdot'),
      summary='motor units of unequal length between the same ends',
      source='derived: l = L (1 - e) at both units, the strain of one of rest length L + d',
      signature='the error has the shape of dF/de of one motor unit',
