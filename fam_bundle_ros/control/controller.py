@@ -90,7 +90,7 @@ class ControllerConfig:
     load: LoadModel = field(default_factory=LoadModel)
     baseline: BaselineConfig = field(default_factory=BaselineConfig)
     adaptation: AdaptationConfig = field(default_factory=AdaptationConfig)
-    still: float = 400.0
+    still: float = 300.0
     hold_time: float = HOLD_TIME
 
     def __post_init__(self):
