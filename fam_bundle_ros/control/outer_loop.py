@@ -28,7 +28,11 @@ from fam_bundle_ros.control.observer import (
 )
 from fam_bundle_ros.control.outer import command_lag, default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error
-from fam_bundle_ros.control.strain_gains import stiffness_grid, unit_stiffness
+from fam_bundle_ros.control.strain_gains import (
+    stiffness_grid,
+    stiffnesses_below,
+    unit_stiffness,
+)
 from fam_bundle_ros.control.strain_loop import default_strain_gains, strain_loop
 
 #: Kinds of references.
@@ -164,10 +168,11 @@ class OuterState:
 def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSettings:
     """Return the record that `outer_step` takes."""
     slope, bend = unit_stiffness(bundle)
-    stiffnesses = stiffness_grid(bundle, load.stiffness, INERTIAS)
-    # Only an unknown load may be heavier than the one that gains are computed for.
-    least = stiffness_grid(bundle, load.stiffness)[0] if load.known else 0.0
-    found = [default_strain_gains(config, load, max(each, least)) for each in stiffnesses]
+    usual = stiffness_grid(bundle, load.stiffness)
+    # Gains depend on stiffness over inertia: an unknown load may be heavier than is usual.
+    stiffnesses = [*stiffnesses_below(usual[0], INERTIAS), *usual]
+    found = [default_strain_gains(config, load, max(each, usual[0]) if load.known else each)
+             for each in stiffnesses]
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain

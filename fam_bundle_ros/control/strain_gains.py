@@ -148,21 +148,13 @@ def middle_strain(bundle: Any) -> np.ndarray:
     return np.clip(0.6 * _STRAINS[np.maximum(pulls, 1) - 1], _APART, _MIDDLING)
 
 
-def stiffness_grid(bundle: Any, load: float, heaviest: float = 1.0) -> list[float]:
+def stiffness_grid(bundle: Any, load: float) -> list[float]:
     """
     Return stiffnesses of muscles and load for which gains are computed, N per strain.
 
     From the first unit at a tenth of its largest pressure to all units at theirs, in steps of at
-    most `SPAN` squared, so that the ranges of neighbouring gains meet.
-
-    Parameters
-    ----------
-    bundle : Bundle
-    load : float, N
-        Stiffness of the load alone.
-    heaviest : float
-        Largest inertia of the load over that of the design: gains depend on the stiffness over
-        the inertia.
+    most `SPAN` squared, so that the ranges of neighbouring gains meet. ``load`` is the stiffness
+    of the load alone.
     """
     slope, bend = unit_stiffness(bundle)
     each = slope * bundle.max_pressure + bend * bundle.max_pressure ** 2
@@ -170,9 +162,21 @@ def stiffness_grid(bundle: Any, load: float, heaviest: float = 1.0) -> list[floa
     most = max(float(each.sum()), 1.0) + load
     least = min(max(float(slope[0] * first + bend[0] * first ** 2) + load,
                     _LEAST_SHARE * most), most)
+    count = 1 + math.ceil(math.log(most / least) / (2.0 * math.log(SPAN)))
+    return np.geomspace(least, most, max(count, 2)).tolist()
+
+
+def stiffnesses_below(stiffness: float, ratio: float) -> list[float]:
+    """
+    Return stiffnesses from one over a ratio up to below it, in steps of `SPAN` squared.
+
+    They are powers of a step, the same for all bundles, so that their gains are computed once.
+
+    Examples
+    --------
+    >>> stiffnesses_below(10.0, 10.0)
+    [1.0, 2.25, 5.0625]
+    """
     step = 2.0 * math.log(SPAN)
-    count = 1 + math.ceil(math.log(most / least) / step)
-    # Those for heavy loads are the same for all bundles, so that their gains are computed once.
-    first, last = (math.ceil(math.log(each) / step) for each in (least / heaviest, least))
-    heavy = np.exp(step * np.arange(first - 1, last)) if heaviest > 1.0 else np.zeros(0)
-    return [*heavy.tolist(), *np.geomspace(least, most, max(count, 2)).tolist()]
+    first, last = (math.log(each) / step for each in (stiffness / ratio, stiffness))
+    return [SPAN ** (2 * k) for k in range(math.floor(first), math.ceil(last))]

@@ -176,7 +176,7 @@ class Measurement(Told):
         if self.time is None:
             return start
         steps = np.diff(self.time)
-        # relative to rounding of the clock
+        # beyond the rounding of sums
         most = steps[~start[1:]].max(initial=0.0) * (1.0 + 1e-6)
         start[1:] &= (steps < 0.0) | (steps > most)
         return start

@@ -149,8 +149,9 @@ def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Cho
             unit = match.unit
             if unit_text is None and (unit is None or unit.like not in likes(base)):
                 unit_text = table.units.get(header) or _bracketed(header)
-                # in round brackets it may be a remark
-                unit = unit_for(base, table.unit_text(header) or '-')
+                # what stands in round brackets may be a remark
+                said = table.unit_text(header)
+                unit = unit_for(base, said) if said else None
             if unit_text is not None and base != 'trial':
                 unit = _fitting(table, base, unit_text, header)
             if unit is not None and base != 'trial' and unit.like not in likes(base):

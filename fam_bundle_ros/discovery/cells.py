@@ -32,7 +32,7 @@ _STILL = 6.0
 #: Blocks of rows per cell: for a parabola over the range, in cells of 1/10 of it, the error of a
 #: cell's mean is 5e-5 of the change of the force.
 _BLOCKS = 4
-#: Change of strain or pressure, relative to its range, up to which rows are averaged.
+#: Change of strain or pressure, relative to its range, over which a mean has another force.
 _BLUR = 0.05
 
 
@@ -319,17 +319,18 @@ def averaged(data: Measurement, block: int) -> tuple[Measurement, np.ndarray]:
     """
     Return the log with each ``block`` of neighbours in a trial averaged into one row.
 
-    Also returned is in which rows, bool, strain or a pressure changed by more than `_BLUR` of its
-    range, or the motion turned round: the mean force is not the force at the mean state there.
+    Also returned is in which rows, bool, strain or a pressure moved, or the motion turned round:
+    the mean force is not the force at the mean state there.
     """
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
     first = position % block == 0
     label = np.cumsum(first) - 1
     mean = averages(label, int(label[-1]) + 1)
-    begin, blurred = np.flatnonzero(first), np.zeros(label[-1] + 1, bool)
-    for column in (data.strain, data.direction, *data.pressure.T):
-        change = np.maximum.reduceat(column, begin) - np.minimum.reduceat(column, begin)
-        blurred |= change > _BLUR * np.ptp(column)
+    columns, least = _movements(data)
+    begin = np.flatnonzero(first)
+    moves = (np.abs(columns - columns[begin][label]) > least).any(axis=1)
+    moves |= data.direction != data.direction[begin][label]
+    blurred = np.logical_or.reduceat(moves, begin)
     return replace(
         data.select(first), strain=mean(data.strain), force=mean(data.force),
         strain_rate=mean(data.strain_rate), pressure=mean(data.pressure),
@@ -337,13 +338,9 @@ def averaged(data: Measurement, block: int) -> tuple[Measurement, np.ndarray]:
 
 
 def _widest_block(data: Measurement, least: int = 8) -> int:
-    """
-    Return the largest block, rows, in which strain and pressures change by `_BLUR` at most.
-
-    Relative to their ranges, in nine tenths of the blocks.
-    """
-    width, columns = least, np.column_stack([data.strain, data.pressure])
-    reach = _BLUR * np.ptp(columns, axis=0)
+    """Return the largest block, rows, in nine tenths of which strain and pressures do not move."""
+    columns, reach = _movements(data)
+    width = least
     while width < 4096:
         steps = np.abs(columns[2 * width:] - columns[:-2 * width])
         steps = steps[data.trial[2 * width:] == data.trial[:-2 * width]]
@@ -351,6 +348,13 @@ def _widest_block(data: Measurement, least: int = 8) -> int:
             break
         width *= 2
     return width
+
+
+def _movements(data: Measurement) -> tuple[np.ndarray, np.ndarray]:
+    """Return strain and pressures, (T, 1 + n), and the least movement of each, (1 + n,)."""
+    columns = np.column_stack([data.strain, data.pressure])
+    noise = [sample_noise(column, data.trial) for column in columns.T]
+    return columns, np.maximum(_BLUR * np.ptp(columns, axis=0), _STILL * np.array(noise))
 
 
 def _stretches(data: Measurement, most: int, count: int = 12) -> Measurement:

@@ -217,7 +217,7 @@ def best_experiment(fitter: Fitter, first: Fit, second: Fit,
     plain = max((item.separation for item in ranked if item.words == _PLAIN), default=0.0)
     if _is_swept(fitter.cells.data):
         ranked = [item for item in ranked if item.words not in (_PLAIN, _FASTER, _SLOWER)
-                  or item.words != _PLAIN and item.separation > _ADVANTAGE * plain]
+                  or item.separation > _ADVANTAGE * plain]
         plain = 0.0
     ranked.sort(key=lambda item: (-item.separation if item.separation > _ADVANTAGE * plain
                                   else -plain, item.words != _PLAIN))

@@ -194,11 +194,10 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
     if left_out:
         missed = (data.force - final.model.predict(cells.motion))[cells.label >= 0]
         why = ', '.join(f'{rows} {words}' for words, rows in cells.unused.items())
-        of = f'{len(cells.label)} rows' + (
-            f' (averages of neighbours; the log has {cells.rows})'
-            if cells.rows > len(cells.label) else '')
-        notes.append(f'{left_out} of {of} are not used ({why}); on the others '
-                     f'the best error is {rms(missed):.3g} N')
+        averaged = (f' (averages of neighbours; the log has {cells.rows})'
+                    if cells.rows > len(cells.label) else '')
+        notes.append(f'{left_out} of {len(cells.label)} rows{averaged} are not used ({why}); on '
+                     f'the others the best error is {rms(missed):.3g} N')
     if cells.stiffness is not None:
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "

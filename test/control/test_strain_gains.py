@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fam_bundle_ros.control.outer import LoadModel, OuterConfig
+from fam_bundle_ros.control.outer_loop import outer_settings
 from fam_bundle_ros.control.strain_gains import (
     _costs,
     _plants,
@@ -15,6 +17,7 @@ from fam_bundle_ros.control.strain_gains import (
     RATE_LAG,
     SPAN,
     stiffness_grid,
+    stiffnesses_below,
     strain_gains,
     unit_stiffness,
 )
@@ -113,18 +116,27 @@ def test_stiffnesses_for_which_gains_are_worked_out_go_up_in_even_ratios(bundles
     assert len(stiffness_grid(bundle, 1e6)) == 2
 
 
-def test_gains_of_an_unknown_load_reach_down_to_the_heaviest(bundles):
-    """Stiffness over inertia counts; below the others, steps no wider, alike for all bundles."""
-    grids = [stiffness_grid(bundles[n], 30.0, 100.0) for n in (2, 3)]
-    for grid, n in zip(grids, (2, 3)):
-        known = stiffness_grid(bundles[n], 30.0)
-        assert grid[-len(known):] == known
-        assert grid[0] <= known[0] / 100.0 < grid[1]
-        ratios = np.array(grid[1:]) / grid[:-1]
-        assert ratios.min() > 1.0
-        assert ratios[:-len(known)] == pytest.approx(SPAN ** 2)
-        assert ratios.max() <= SPAN ** 2 * (1.0 + 1e-9)
-    assert set(grids[0][:5]) & set(grids[1][:5])
+@pytest.mark.parametrize('stiffness', [0.3, 26.0, 438.7])
+def test_stiffnesses_for_heavy_loads_go_down_to_the_heaviest(stiffness):
+    """In steps whose ranges meet, and the same steps wherever they end."""
+    below = stiffnesses_below(stiffness, 100.0)
+    assert below[0] <= stiffness / 100.0 < below[1]
+    assert below[-1] < stiffness <= below[-1] * SPAN ** 2
+    assert np.array(below[1:]) / below[:-1] == pytest.approx(SPAN ** 2)
+    assert set(below[1:]) <= set(stiffnesses_below(1e3, 1e6))
+
+
+def test_only_an_unknown_load_may_be_heavier_than_gains_are_computed_for(bundles):
+    """With a known one they stay those of the least stiffness; the record has one size."""
+    bundle = bundles[3]
+    known, unknown = (outer_settings(OuterConfig(), load, bundle)
+                      for load in (LoadModel(force=10.0), LoadModel()))
+    least = stiffness_grid(bundle, 0.0)[0]
+    low = np.array(unknown.stiffnesses) < least
+    assert low.sum() >= 5
+    assert known.stiffnesses == unknown.stiffnesses
+    assert len({gain for gain, below in zip(known.strain_integral, low) if below}) == 1
+    assert np.all(np.diff(np.array(unknown.strain_integral)[low]) > 0.0)
 
 
 def test_any_load_has_a_hundredth_of_critical_damping():

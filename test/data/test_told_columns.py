@@ -47,6 +47,15 @@ def test_a_unit_in_round_brackets_is_one_if_it_fits(log, header, why):
     assert why == next(taken.why for taken in data.taken if taken.header == header)
 
 
+def test_a_told_column_without_a_unit_has_the_only_one_that_fits(log):
+    """A strain up to 20 is in percent, which no header says."""
+    time, strain, pressure, force = log
+    data = read_measurement({'time [s]': time, 'Kanal 1': 100.0 * strain,
+                             'pressure [kPa]': pressure / 1e3, 'force [N]': force},
+                            columns={'strain': 'Kanal 1'})
+    assert np.allclose(data.strain, strain)
+
+
 def test_what_is_told_counts_more_than_what_would_be_recognised(log):
     """A told column is used though another has the plainer name."""
     more = {**written(log, 'force [N]'), 'Kanal 3': 2.0 * log[3], 'L [mm]': log[1]}

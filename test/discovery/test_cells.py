@@ -141,6 +141,16 @@ def test_averages_over_both_directions_are_known(long_log, paper_muscle):
     assert np.all(found.direction[1:][~blurred[1:]] == long_log.direction[8::8][~blurred[1:]])
 
 
+def test_noise_of_a_gauge_at_rest_is_no_movement(one_way):
+    """Neither of a unit that is never filled, nor of a strain that is held throughout."""
+    random = np.random.default_rng(0)
+    empty = np.column_stack([one_way.pressure, random.normal(0.0, 200.0, 8000)])
+    held = replace(one_way, strain=0.1 + random.normal(0.0, 5e-5, 8000), pressure=empty,
+                   motor_units=('mu1', 'mu2'))
+    assert averaged(held, 50)[1].mean() < 0.02
+    assert len(thinned(held, 100)[0].trial_names) == 2  # no need of stretches
+
+
 def test_averages_over_a_step_of_the_pressure_are_in_no_cell(one_way, paper_muscle, monkeypatch):
     """Their mean force is not the force at the mean pressure."""
     step = one_way.pressure.copy()
