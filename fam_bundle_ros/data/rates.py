@@ -363,8 +363,9 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     """
     Return the rows, (T,) bool, in which it is not known whether, or which way, there is motion.
 
-    At rest between opposite motions; and within half a window of the beginning or end of a hold,
-    a rest longer than the window of the slope, as that smooths the rate there.
+    At a short rest between opposite motions, or between a motion and the begin or end of its
+    trial; and within half a window of the begin or end of a hold, a rest longer than the window
+    of the slope, as that smooths the rate there.
 
     Parameters
     ----------
@@ -377,11 +378,12 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     begin = np.flatnonzero(begins(moving, trial))
     length = np.diff(begin, append=len(moving))
     way, of = moving[begin], trial[begin]
-    turns = np.zeros(len(begin), bool)
-    turns[1:-1] = ((way[1:-1] == 0) & (way[:-2] * way[2:] < 0) & (of[:-2] == of[2:])
-                   & (length[1:-1] <= window))
-    unknown = np.repeat(turns, length)
-    held = (way == 0) & (length > window)
+    # the motions before and after, 0 for none in the trial
+    before = np.append(0, np.where(of[1:] == of[:-1], way[:-1], 0))
+    after = np.append(np.where(of[1:] == of[:-1], way[1:], 0), 0)
+    rest, short = way == 0, length <= window
+    unknown = np.repeat(rest & short & (before != after), length)
+    held = rest & ~short
     for row in begin[1:][(held[1:] != held[:-1]) & (of[1:] == of[:-1])]:
         unknown[max(row - window // 2, 0):row + window // 2] = True
     return unknown

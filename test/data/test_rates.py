@@ -236,10 +236,14 @@ def test_what_is_slow_or_goes_nowhere_is_at_rest():
 @pytest.mark.parametrize(('moving', 'turns'), [
     ([1, 1, 0, 0, -1], [0, 0, 1, 1, 0]), ([-1, 0, 0, 0, 1], [0, 1, 1, 1, 0]),
     ([1, 1, 1, 0, 0, 0, 0, 0, -1, -1], [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]),
-    ([1, 1, 0, 0, 1], [0] * 5), ([0, 0, 1, -1, -1], [0] * 5),
-    ([1, 0, -1, 0, 1, 0], [0, 1, 0, 1, 0, 0])])
-def test_the_way_of_a_short_rest_between_opposite_motions_is_unknown(moving, turns):
-    """A window of three rows: of a longer rest, a hold, only the ends; across trials nothing."""
+    ([1, 1, 0, 0, 1], [0] * 5), ([0, 0, 1, -1, -1], [1, 1, 0, 0, 0]),
+    ([1, 0, -1, 0, 1, 0], [0, 1, 0, 1, 0, 1]), ([0, 0, 0], [0, 0, 0])])
+def test_the_way_of_a_short_rest_where_the_motion_may_turn_is_unknown(moving, turns):
+    """
+    Between opposite motions, and where the log begins or ends. A window of three rows.
+
+    Of a longer rest, a hold, only the ends; across trials nothing.
+    """
     assert turning(np.array(moving), np.zeros(len(moving), int), 3).tolist() == turns
     assert not turning(np.array(moving), np.arange(len(moving)), 3).any()
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery import Choices, diagnose, settings
 from fam_bundle_ros.discovery.cells import (
     _at_most,
     _places,
@@ -309,6 +309,19 @@ def test_rows_at_a_turning_point_are_in_no_cell_but_a_hold_is(paper_muscle):
     assert near.min(axis=1).max() < 0.1
     assert near.min(axis=0).max() < 0.1
     assert reduce(paper_muscle, data).label[(time > 6.2) & (time < 7.8)].min() >= 0
+
+
+def test_friction_is_named_in_a_long_log_that_ends_where_the_motion_turns(paper_muscle):
+    """One row there with the wrong sign of the friction made a law of other shape win."""
+    time, random = 0.01 * np.arange(9000), np.random.default_rng(4)
+    phase = 2.0 * np.pi * time / 15.0
+    strain, pressure = 0.1 * (1.0 - np.cos(phase)), 1e5 * (1.0 + np.floor(time / 30.0))
+    force = paper_muscle.force(strain, pressure[:, None]) - 4.0 * np.sign(np.sin(phase))
+    result = diagnose(paper_muscle, build(
+        'sines', strain + random.normal(0.0, 8e-5, 9000), pressure,
+        force + random.normal(0.0, 0.4, 9000), None, time), choices=Choices(most=1))
+    assert result.verdict == 'missing_effect'
+    assert result.shapes == ('coulomb_friction',)
 
 
 def test_averaging_takes_vectors_and_columns_alike(problem):
