@@ -1,0 +1,121 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a message says where a column is missing: what was found, and what to tell."""
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data import read_measurement
+from fam_bundle_ros.errors import InputError
+
+from .test_columns import ROWS, table
+
+
+def test_what_is_missing_lists_every_column(log):
+    """The message has each column, what it was taken for or why not, and what to write."""
+    data = {**table(log, force=('Kanal 3', log[3])), 'note': np.full(ROWS, 'x', object)}
+    with pytest.raises(InputError) as caught:
+        read_measurement(data, name='log.csv')
+    message = str(caught.value)
+    assert message.startswith("log.csv: column 'force' is missing")
+    for words in ("'time [s]' time", "'strain' strain", "'pressure [kPa]' pressure",
+                  "'Kanal 3' not known (", "'note' text", '--columns "force=Kanal 3 [N]"'):
+        assert words in message
+    assert '\n' not in message
+
+
+@pytest.mark.parametrize(('key', 'header', 'told'), [
+    ('force', 'Mass [kg]', '--columns "force=Mass [kg]"'),
+    ('force', 'force [V]', '--columns "force=... [N]"'),
+    ('pressure', 'pressure setpoint [bar]', '--columns "pressure=pressure setpoint [bar]"'),
+    ('strain', 'Stauchung [\u2030]', '--columns "strain=Stauchung [\u2030]"')])
+def test_an_example_keeps_the_unit_of_the_column(log, key, header, told):
+    """What a message says to write would read kg as kg; volts are never an example of N."""
+    with pytest.raises(InputError) as caught:
+        read_measurement(table(log, **{key: (header, log[0])}))
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(('header', 'size', 'told'), [
+    ('engineering strain', -1.0, 'elongation=engineering strain'),
+    ('engineering strain', 1.0, 'strain=engineering strain'),
+    ('elongation at constant pressure [mm]', -250.0,
+     'elongation=elongation at constant pressure [mm]')])
+def test_an_example_of_a_strain_has_its_sign_and_size(log, header, size, told):
+    """One that is never positive is an elongation; what is below 1 is no percentage."""
+    data = table(log, strain=(header, size * log[1]))
+    with pytest.raises(InputError) as caught:
+        read_measurement(data)
+    assert f'--columns "{told}"' in str(caught.value)
+    read = read_measurement(data, columns=dict([told.split('=')]), rest_length=0.25)
+    assert np.allclose(read.strain, log[1])
+
+
+@pytest.mark.parametrize('header', ['column 4', 'zero offset', 'force raw'])
+def test_no_column_of_another_quantity_is_an_example(log, header):
+    """One that is too large for a strain, one that is ruled out, and one that may be a force."""
+    data = table(log, strain=(header, (5.0 if header == 'column 4' else 0.1) * log[3]))
+    with pytest.raises(InputError, match=r'--columns "strain=\.\.\. \[%\]"'):
+        read_measurement(data)
+
+
+@pytest.mark.parametrize(('key', 'header', 'told'), [
+    ('pressure', 'pressure [N]', 'pressure=pressure [kPa]'),
+    ('pressure', 'p mu1 [furlong]', 'pressure.mu1=p mu1 [kPa]'),
+    ('strain', 'contraction [N]', 'contraction=contraction [mm]')])
+def test_a_unit_of_another_quantity_is_told_with_how_to_give_the_right_one(log, key, header, told):
+    """The column is there: it is not called missing, and what the message says to write works."""
+    data = table(log, **{key: (header, log[2] / 1e3 if key == 'pressure' else 250.0 * log[1])})
+    with pytest.raises(InputError) as caught:
+        read_measurement(data)
+    message = str(caught.value)
+    unit = header.split()[-1].strip('[]')
+    assert f"column '{header}': '{unit}' is not a unit of {key}" in message
+    assert f'--columns "{told}"' in message
+    assert 'is missing' not in message
+    assert '300 kPa' not in message
+    quantity, column = told.split('=')
+    read = read_measurement(data, columns={quantity: column}, rest_length=0.25)
+    assert np.allclose(read.strain, log[1])
+    assert np.allclose(read.pressure[:, 0], log[2])
+
+
+def test_an_example_of_two_pressures_names_the_motor_units(log):
+    """Columns of unknown names in kPa may be one pressure or those of a bundle: both are shown."""
+    data = {**table(log, pressure=('MU_A [kPa]', log[2] / 1e3)), 'MU_B [kPa]': log[2] / 2e3}
+    with pytest.raises(InputError, match=r'--columns "pressure=MU_A \[kPa\]", or of motor units '
+                       r'--columns "pressure.mu1=MU_A \[kPa\]" --columns "pressure.mu2=MU_B'):
+        read_measurement(data)
+
+
+@pytest.mark.parametrize(('key', 'header'), [
+    ('pressure', 'Stress [MPa]'), ('pressure', 'vacuum [kPa]'), ('force', 'Preload [N]')])
+def test_another_quantity_is_not_taken_for_its_unit(log, key, header):
+    """A stress has the unit of a pressure and is none: what is missing is asked for."""
+    with pytest.raises(InputError, match=f"column '{key}' is missing"):
+        read_measurement(table(log, **{key: (header, log[0])}))
+
+
+def test_a_log_without_a_known_clock_says_which_column_may_be_one(log, tmp_path):
+    """It is read as a static map; a column that rises evenly is named, a count of rows as that,
+    and a sample rate above the table.
+    """
+    data = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))))
+    assert data.is_static
+    assert any('"time=Name [ms]"' in note for note in data.notes)
+    data = read_measurement(table(log, time=('Scan', np.arange(ROWS))))
+    assert any('"time=100 Hz"' in note for note in data.notes)
+    path = tmp_path / 'log.csv'
+    path.write_text('Sample rate: 20 Hz\nstrain,pressure [kPa],force [N]\n' + '\n'.join(
+        f'{e:.5f},{p / 1e3:.2f},{f:.3f}' for _, e, p, f in zip(*log)))
+    assert any("'Sample rate: 20 Hz'" in note for note in read_measurement(path).notes)
+    silent = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))),
+                              columns={'time': 'none'})
+    assert not any('clock' in note for note in silent.notes)
+
+
+def test_a_message_offers_the_column_that_is_most_like_what_is_missing(log):
+    """The example is not simply the first unused column."""
+    with pytest.raises(InputError) as caught:
+        read_measurement(table(log, force=('MAIN.load_1', log[3]), time=('counter', log[0])))
+    assert 'for example --columns "force=MAIN.load_1 [N]"' in str(caught.value)
