@@ -298,8 +298,8 @@ def _lagged(signal: np.ndarray, start: np.ndarray, steps: int) -> np.ndarray:
     a = 1.0 / (1.0 + steps)
     result = np.empty_like(signal)
     for rows in np.split(np.arange(len(signal)), np.flatnonzero(start)[1:]):
-        part = signal[rows]
-        result[rows] = lfilter([a], [1.0, a - 1.0], part, zi=[(1.0 - a) * part[0]])[0]
+        first = signal[rows[0]]  # without it a constant stays constant to the last bit
+        result[rows] = first + lfilter([a], [1.0, a - 1.0], signal[rows] - first)
     return result
 
 

@@ -110,7 +110,7 @@ def test_choices_put_what_was_found_first(session, friction_found):
 def test_ties_name_their_rivals(session, friction_found):
     """Effects that data cannot tell apart name each other, beside what was found, and no more."""
     rivals = [entry.effect for entry in friction_found.ranking
-              if entry.effect not in friction_found.effects][-2:]
+              if entry.effect not in friction_found.effects and not entry.replaces][-2:]
     group = (friction_found.effects[0], *rivals)
     session.learn(replace(friction_found, tied=(group,)))
     told = {choice.candidate.effect: choice.rivals for choice in session.choices()}
