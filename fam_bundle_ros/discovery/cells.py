@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.sparse import csr_array
 
 from fam_bundle_ros.data.grouping import rms
@@ -170,7 +169,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
         where the direction of motion is not known (see `unknown_direction`).
     measurement : Measurement
     most : int, optional
-        Most cells, by default `settings.CELLS`; of more visits, a sample is kept.
+        Most cells, by default `settings.CELLS`; of more visits, evenly spaced ones are kept.
 
     Raises
     ------
@@ -199,7 +198,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                   left & blurred & ~turns).sum(),
               'the first of a trial or at a turning point, where the direction of motion is not '
               'known': (left & turns).sum(),
-              f'from visits beyond a sample of {most}': (left & ~turns & ~blurred).sum()}
+              f'from visits beyond {most}, evenly spread': (left & ~turns & ~blurred).sum()}
     count = np.bincount(label[label >= 0]).astype(float)
     mean = averages(label, len(count))
 
@@ -247,19 +246,10 @@ def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
 
 
 def _at_most(most: int, label: np.ndarray) -> np.ndarray:
-    """
-    Return labels without gaps (-1 stays); of more than ``most``, a systematic sample.
-
-    A label's share of the sample is in proportion to its rows, at most one (Särndal et al., *Model
-    Assisted Survey Sampling*, 1992, section 3.6): more of the rows are used than if each label had
-    the same share.
-    """
+    """Return labels without gaps (-1 stays); of more than ``most``, evenly spaced ones."""
     label = _renumbered(label)
     if label.max() + 1 > most:
-        rows = np.bincount(label[label >= 0])
-        rate = brentq(lambda rate: np.minimum(rate * rows, 1.0).sum() - most, 0.0, 1.0)
-        taken = np.floor(np.cumsum(np.minimum(rate * rows, 1.0)) + 0.5)
-        kept = np.flatnonzero(np.diff(taken, prepend=0.0))
+        kept = np.unique(np.linspace(0, label.max(), most).astype(int))
         label = _renumbered(np.where(np.isin(label, kept), label, -1))
     return label
 
