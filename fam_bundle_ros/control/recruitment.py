@@ -43,7 +43,8 @@ class SwitchingConfig:
     margin, hysteresis : float, N, optional
         Switching margin and hysteresis; by default from the model's error and noise.
     rest_time : float, s
-        Time at rest after which a unit that the demand does not need is released.
+        Time at rest after which a unit is released that the demand does not need, now or, at
+        its present rate, within ``horizon``.
     absence_time : float, s
         Time after which a unit that a moving demand has not needed is released too: refilling it
         in every cycle of a fast demand would cost more air than keeping it.

@@ -320,7 +320,8 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     alone = machine.state == 1 and table.lowered[table.order[last]] > 0
     if alone or not demand.force < release:
         return NONE
-    if machine.calm >= settings.rest_time:
+    if (machine.calm >= settings.rest_time
+            and demand.force + demand.smooth_rate * settings.horizon < release):
         return AT_REST
     if machine.absent >= settings.absence_time:
         return ABSENT

@@ -160,6 +160,12 @@ def test_at_rest_below_the_overlap_a_unit_is_released_in_time(made):
     assert time == pytest.approx(0.75, abs=2 * DT)
 
 
+def test_a_slow_rise_to_where_a_unit_is_needed_is_no_rest(made):
+    """At 2 N/s, below the rate of a rest: within 3 s 234 N rise above the level of 239 N."""
+    assert Machine(made(), 2).tell(234.0, 2.0, duration=2.0)[1] == ''
+    assert 'at rest for' in Machine(made(), 2).tell(232.0, 2.0, duration=2.0)[1]
+
+
 def test_a_unit_that_moving_demands_do_not_need_is_released_in_the_end(made):
     """After ten seconds."""
     time, why = Machine(made(), 2).tell(100.0, -30.0, duration=20.0)
