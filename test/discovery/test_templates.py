@@ -157,11 +157,12 @@ def test_shapes_of_time_grow_from_zero_to_one_over_the_log(two_speeds, paper_mus
 
 @pytest.mark.parametrize('steps', [4, 64])
 def test_what_lags_follows_a_step_with_its_time_constant(steps):
-    """Backward Euler of a first-order lag; what is constant in a trial stays so to the last bit."""
+    """Backward Euler of a first-order lag; a constant stays one to the last bit."""
     signal = np.concatenate([np.full(10, 3.0), np.full(290, 5.0), np.full(40, 2.48e5 / 3.0)])
     start = np.isin(np.arange(340), (0, 300))
     found = _lagged(signal, start, steps)
-    assert (found[:10] == 3.0).all() and (found[300:] == 2.48e5 / 3.0).all()
+    assert (found[:10] == 3.0).all()
+    assert (found[300:] == 2.48e5 / 3.0).all()
     left = (1.0 + 1.0 / steps) ** -np.arange(1.0, 291.0)
     assert_allclose(found[10:300], 5.0 - 2.0 * left)
 
