@@ -363,9 +363,9 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     """
     Return the rows, (T,) bool, in which it is not known whether, or which way, there is motion.
 
-    At a short rest between opposite motions, or between a motion and the begin or end of its
-    trial; and within half a window of the begin or end of a hold, a rest longer than the window
-    of the slope, as that smooths the rate there.
+    At a short rest between opposite motions, or between a motion and the beginning or end
+    of its trial; and within half a window of the beginning or end of a hold, a rest longer than
+    the window of the slope, as that smooths the rate there.
 
     Parameters
     ----------
