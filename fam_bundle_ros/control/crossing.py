@@ -95,30 +95,43 @@ def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, s
     return step >= distance
 
 
-def crossing_pace(table: Any, unit: int, rate: float, spare: float, usual: float, patience: float
-                  ) -> float:
+def crossing_pace(table: Any, unit: int, usual: float, patience: float) -> float:
     """
-    Return the pressure rate of a unit's crossing, Pa/s.
-
-    Slow enough for the feedback where there is time; faster where the demand would meanwhile use
-    up the reserve of the other units.
+    Return the pressure rate of a unit's crossing, Pa/s, slow enough for the feedback.
 
     Parameters
     ----------
     table : CurveTable
     unit : int
-    rate, spare : float, N/s and N
-        Rate of the demand; reserve of the other units.
     usual : float, Pa/s
         `SwitchingConfig.crossing_rate`.
     patience : float, s
-        From `hand_over_time`.
+        From `hand_over_time`; 0: as fast as usual.
     """
-    bottom = table.bottom_pressure[unit]
-    hurry = bottom * max(rate, 0.0) / max(spare, 0.1)
     # Not so slow that it could not be finished in time once the others are saturated.
-    slow = max(bottom / patience, usual / _RUSH) if patience > 0.0 else usual
-    return min(max(min(usual, slow), hurry), _HURRY * usual)
+    slow = max(table.bottom_pressure[unit] / patience, usual / _RUSH) if patience > 0.0 else usual
+    return min(usual, slow)
+
+
+def hurry(crossings: Any, unit: int, target: float, rate: float, spare: float, usual: float
+          ) -> None:
+    """
+    Let a unit cross as fast as it must before the demand uses up the reserve of the others.
+
+    Parameters
+    ----------
+    crossings : Crossings
+    unit : int
+    target : float, Pa (gauge)
+        Final pressure of the crossing.
+    rate, spare : float, N/s and N
+        Rate of the demand, at least 0; what is left of the other units' reserve.
+    usual : float, Pa/s
+        `SwitchingConfig.crossing_rate`.
+    """
+    distance = abs(target - crossings.pressure[unit])
+    pace = min(distance * rate / max(spare, 0.1), _HURRY * usual)
+    crossings.pace[unit] = max(crossings.pace[unit], pace)
 
 
 def hand_over_time(doubt: float, noise: float, lag: float) -> float:
@@ -150,12 +163,12 @@ def doubt_of(state: Any) -> float:
     return math.sqrt(max(learnt.covariance[n][n], 0.0)) * dip + abs(outer.observer.bias)
 
 
-def crossing_time(table: Any, unit: int, rate: float, usual: float, patience: float) -> float:
-    """Return the approximate time to fill a unit to its bottom, s; see `crossing_pace`."""
+def crossing_time(table: Any, unit: int, usual: float, patience: float) -> float:
+    """Return the approximate time to fill a unit to its bottom without hurry, s."""
     slope = 0.0
     for other in range(len(table.order)):
         if other != unit:
             slope = max(slope, slope_at(table, other, table.grid[other][-1]))
     compensation = table.dip[unit] / slope if slope > 0.0 else 0.0
-    pace = crossing_pace(table, unit, rate, table.dip[unit], usual, patience)
+    pace = crossing_pace(table, unit, usual, patience)
     return 1.4 * max(table.bottom_pressure[unit], compensation) / pace + 2.0 * _EASE

@@ -68,7 +68,7 @@ from fam_bundle_ros.control.outer_loop import (
 from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
-from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
+from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, reserve, spread, TOLERANCE
 from fam_bundle_ros.control.strain_prediction import (
     forget_prediction,
     PredictionState,
@@ -411,7 +411,9 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     doubt = doubt_of(state)
     demand.patience = patience(settings, state, doubt, dt)
     demand.doubt = doubt if state.crossings.count > 0 else 0.0
-    demand.smooth_rate = wanted.rate[0] - (limits.rate[k] if clean else limit_speed)
+    demand.spare = reserve(state, target.force, state.table.order[0])
+    demand.own_rate = wanted.rate[0]
+    demand.smooth_rate = demand.own_rate - (limits.rate[k] if clean else limit_speed)
 
 
 # --- output --------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@
 import math
 from typing import Any
 
-from fam_bundle_ros.control.crossing import advance, end_crossing, is_crossing
+from fam_bundle_ros.control.crossing import advance, end_crossing, hurry, is_crossing
 from fam_bundle_ros.control.curves import slope_at
 from fam_bundle_ros.control.inverse import fill, lower, share
 from fam_bundle_ros.control.switching import REVERSAL_AWARE
@@ -30,12 +30,37 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
         unit = crossings.unit[k]
         count = solve(settings, model, state, demand, True, state.shares)
         ratio = compensation_ratio(settings, state, unit, count)
-        short = crossings.up[unit] > 0 and state.shares.missing > TOLERANCE
+        up = crossings.up[unit] > 0
+        if up:
+            rate = max(state.demand.rate, 0.0)
+            spare = (reserve(state, demand, unit) - state.demand.uncertainty
+                     - rate * state.outer.lag)
+            hurry(crossings, unit, state.final.pressure[unit], rate, spare,
+                  settings.switching.crossing_rate)
+        short = up and state.shares.missing > TOLERANCE
         if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short):
             end_crossing(crossings, k)
         else:
             k += 1
     solve(settings, model, state, demand, True, state.shares)
+
+
+def reserve(state: Any, demand: float, unit: int) -> float:
+    """
+    Return the force that is left for a demand (N) while units that are being filled push back, N.
+
+    inf while none is being filled. Those before ``unit`` in the order of recruitment count as
+    full.
+    """
+    table, left, filling, after = state.table, state.table.top[0] - demand, False, False
+    for k in range(state.machine.state):
+        other = table.order[k]
+        after = after or other == unit
+        crossing = after and is_crossing(state.crossings, other)
+        filling = filling or crossing
+        left += (table.bottom_force[other] if crossing else table.top_force[other]
+                 ) - table.rest_force[other]
+    return left if filling else math.inf
 
 
 def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, shares: Any

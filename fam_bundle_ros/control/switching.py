@@ -71,6 +71,10 @@ class Demand:
     smooth_rate : float, N/s
         The rate with the delay of its filter. ``rate`` compensates for this delay, and would
         amplify noise when it is extrapolated over a crossing.
+    own_rate : float, N/s
+        The same without the change of the force limits with the strain.
+    spare : float, N
+        What is left for the demand while units that are being filled push back; inf while none is.
     """
 
     force: float = 0.0
@@ -82,6 +86,8 @@ class Demand:
     doubt: float = 0.0
     feedback: float = 0.0
     smooth_rate: float = 0.0
+    own_rate: float = 0.0
+    spare: float = math.inf
 
 
 @dataclass
@@ -133,7 +139,7 @@ class MachineState:
         limit; inf where it was recruited ahead of need. At this demand the state below does not
         have the force, whatever the model says.
     wary : bool
-        The last unit was recruited ahead of need in vain: no look-ahead.
+        The last unit was recruited ahead of need in vain: no patience.
     """
 
     reserve: list
@@ -271,13 +277,17 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
         return NONE
     if force > recruit:
         return FROM_REST if state == 0 else BEYOND
-    # Look-ahead requires that the unit adds more than the uncertainty.
-    if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0 or machine.wary
-            or added < demand.uncertainty):
+    # Look-ahead requires that the unit adds more than the uncertainty, and that its push-back can
+    # be compensated beside that of the units that are still being filled.
+    if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0
+            or added < demand.uncertainty or demand.spare < table.dip[table.order[state]]):
         return NONE
-    rate = demand.smooth_rate
-    ahead = force + rate * crossing_time(table, table.order[state], rate, settings.crossing_rate,
-                                         demand.patience)
+    # A demand that has turned back before, and the motion of the strain, are predicted no further
+    # than a crossing in haste takes.
+    haste = crossing_time(table, table.order[state], settings.crossing_rate, 0.0)
+    time = haste if machine.wary else crossing_time(
+        table, table.order[state], settings.crossing_rate, demand.patience)
+    ahead = force + demand.smooth_rate * haste + demand.own_rate * (time - haste)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
     # One standard deviation, a third of the margin, is enough at first: a needless recruitment
@@ -350,7 +360,7 @@ def explain(reason: Any, machine: Any, table: Any, demand: Any, why: int, level:
 
 def switch(machine: Any, direction: int) -> None:
     """Recruit the next unit (+1) or release the last one (-1)."""
-    # No look-ahead after a unit was recruited in vain, until one has been needed.
+    # No patience after a unit was recruited in vain, until one has been needed.
     machine.wary = direction < 0 and machine.needed[machine.state - 1] == 0
     if direction > 0:
         machine.needed[machine.state], machine.reserve[machine.state] = 0, 0.0

@@ -17,13 +17,14 @@ def patience(settings: Any, state: Any, doubt: float, dt: float) -> float:
     """
     Return the duration of a crossing when there is time, s.
 
-    At most the look-ahead horizon; in a strain loop, which has no observer, the dwell time.
+    At most the look-ahead horizon; 0, as fast as usual, in a strain loop, which has no observer,
+    and without feedback.
     """
     outer = state.outer
     noise = quick_noise(outer.observer, outer.lag, dt)
     time = hand_over_time(doubt, max(noise, TOLERANCE), outer.lag)
-    limits = settings.switching
-    return min(time, limits.dwell if outer.kind == STRAIN else limits.horizon)
+    follows = settings.outer.feedback and outer.kind != STRAIN
+    return min(time, settings.switching.horizon) if follows else 0.0
 
 
 def switch_units(settings: Any, state: Any, dt: float, command: Any) -> None:
@@ -76,10 +77,5 @@ def send_unit(settings: Any, state: Any, command: Any) -> None:
     why = command.reason.why
     # A demand that is out of reach is urgent.
     patient = 0.0 if why == BEYOND or why == UNREACHABLE else state.demand.patience
-    # Upwards: the reserve that the push-back leaves to the other units.
-    spare = state.table.dip[unit]
-    if up:
-        spare = min(state.table.crossing[now - 1] - state.demand.force, spare)
-    pace = crossing_pace(state.table, unit, abs(state.demand.rate), spare,
-                         settings.switching.crossing_rate, patient)
+    pace = crossing_pace(state.table, unit, settings.switching.crossing_rate, patient)
     begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)

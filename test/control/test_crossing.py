@@ -16,15 +16,17 @@ from fam_bundle_ros.control.crossing import (
     crossing_time,
     end_crossing,
     hand_over_time,
+    hurry,
     is_crossing,
     no_crossings,
 )
 from fam_bundle_ros.control.curves import curve_table, top_at
 from fam_bundle_ros.control.inverse import Shares
 from fam_bundle_ros.control.observer import learn_noise
-from fam_bundle_ros.control.reasons import AHEAD
+from fam_bundle_ros.control.outer_loop import FORCE, STRAIN
+from fam_bundle_ros.control.reasons import AHEAD, BEYOND
 from fam_bundle_ros.control.recruitment_loop import recruitment_state
-from fam_bundle_ros.control.spread import BATCH, compensation_ratio, ORDERLY
+from fam_bundle_ros.control.spread import BATCH, compensation_ratio, ORDERLY, reserve, spread
 from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.control.transition import patience, send_unit
 from fam_bundle_ros.plant import Dynamometer
@@ -78,32 +80,87 @@ def test_crossings_keep_their_order():
     assert not is_crossing(crossings, 2)
 
 
-def test_the_pace_is_the_usual_one_and_a_hurry_at_most_four_times_as_fast(made):
-    """A demand that rises by the dip while the unit fills sets the pace."""
+@pytest.mark.parametrize(('rate', 'pace'), [(50.0, PACE), (200.0, 100e3 * 200.0 / 4.0),
+                                            (1e6, 4.0 * PACE)])
+def test_a_hurry_ends_before_the_reserve_is_used_up_and_is_at_most_four_times_as_fast(rate, pace):
+    """By the way that is left; a demand that stops rising slows no crossing down."""
+    crossings = no_crossings(2)
+    begin_crossing(crossings, 1, True, 50e3, PACE)
+    hurry(crossings, 1, 150e3, rate, 4.0, PACE)
+    assert crossings.pace[1] == pytest.approx(pace)
+    hurry(crossings, 1, 150e3, 0.0, 4.0, PACE)
+    assert crossings.pace[1] == pytest.approx(pace)
+
+
+def state_of(table, machine, *crossing):
+    """Return a state in which the units ``crossing`` are being filled."""
+    state = SimpleNamespace(table=table, crossings=no_crossings(2),
+                            machine=SimpleNamespace(state=machine))
+    for unit in crossing:
+        begin_crossing(state.crossings, unit, True, 0.0, PACE)
+    return state
+
+
+def test_the_reserve_is_what_the_others_have_beside_all_that_push_back(made):
+    """The limit without the unit that is being filled, minus its dip and the demand."""
     table = made()
-    assert crossing_pace(table, 1, -50.0, 4.0, PACE, 0.0) == PACE
-    assert crossing_pace(table, 1, 400.0, 4.0, PACE, 0.0) == pytest.approx(50e3 * 400.0 / 4.0)
-    assert crossing_pace(table, 1, 1e6, 4.0, PACE, 0.0) == 4.0 * PACE
+    assert table.dip[1] == pytest.approx(4.0)
+    assert reserve(state_of(table, 2, 1), 5.0, 0) == pytest.approx(table.top[1] - 4.0 - 5.0)
+    assert reserve(state_of(table, 2, 0, 1), 5.0, 0) == pytest.approx(table.floor[2] - 5.0)
+    assert reserve(state_of(table, 2), 5.0, 0) == math.inf
 
 
-@pytest.mark.parametrize(('room', 'pace'), [
-    (9.0, 50e3 * 200.0 / 4.0),    # more than the dip twice over: as planned
-    (6.0, 50e3 * 200.0 / 2.0),    # 2 N are left beside the dip of 4 N, for 10 ms
-    (3.0, 4.0 * PACE),            # less than the dip
-])
-def test_a_unit_that_comes_late_crosses_within_the_room_that_is_left(made, room, pace):
-    """The demand rises by 200 N/s; what the others lack for the dip they lack for less long."""
+def test_a_unit_has_time_until_those_before_it_are_full(made):
+    """While both are being filled the second one need not hurry before the first one is needed."""
+    table = made()
+    both = state_of(table, 2, 0, 1)
+    assert reserve(both, 5.0, 1) == pytest.approx(table.top[1] - 4.0 - 5.0)
+    assert reserve(both, 5.0, 1) > reserve(both, 5.0, 0)
+
+
+def spread_with(paper_bundle, left, up=True, uncertainty=0.0, lag=0.0):
+    """
+    Return pace (Pa/s) and way (Pa) of the second unit after a tick.
+
+    The demand rises by 200 N/s and has ``left`` N until the first unit is full.
+    """
+    controller = RecruitmentController(paper_bundle)
+    controller.enable(Measurement(20.0, 0.16, 0.0, np.array([150e3, 0.0])))
+    state = controller.memory
+    state.machine.state = 2
+    begin_crossing(state.crossings, 1, up, 0.0, 1e4)
+    demand = 20.0 + reserve(state, 20.0, 1) - left
+    state.demand.rate, state.demand.uncertainty, state.outer.lag = 200.0, uncertainty, lag
+    spread(controller.settings, controller.model, state, demand, DT)
+    return state.crossings.pace[1], state.final.pressure[1]
+
+
+@pytest.mark.parametrize(('uncertainty', 'lag', 'left'), [(0.0, 0.0, 10.0), (2.0, 0.0, 8.0),
+                                                          (0.0, 0.01, 8.0)])
+def test_a_crossing_ends_before_the_reserve_is_in_doubt(paper_bundle, uncertainty, lag, left):
+    """Of 10 N left, 2 N are in doubt, or are needed before the pressures have followed."""
+    pace, way = spread_with(paper_bundle, 10.0, uncertainty=uncertainty, lag=lag)
+    assert pace == pytest.approx(way * 200.0 / left)
+
+
+def test_a_unit_that_is_emptied_is_never_in_a_hurry(paper_bundle):
+    """It only gives back what it pushed."""
+    assert spread_with(paper_bundle, 1.0, up=False)[0] == 1e4 < spread_with(paper_bundle, 1.0)[0]
+
+
+@pytest.mark.parametrize(('why', 'time'), [(AHEAD, 1.0), (BEYOND, 0.0)])
+def test_a_crossing_begins_slowly_unless_the_demand_is_out_of_reach(made, why, time):
+    """In the time that the feedback needs, or at the usual pace."""
     table = made()
     state = SimpleNamespace(
         table=table, crossings=no_crossings(2), machine=SimpleNamespace(state=2, direction=1),
-        demand=Demand(force=table.top[1] - room, rate=200.0, patience=1.0))
-    assert table.dip[1] == pytest.approx(4.0)
+        demand=Demand(force=table.top[1] - 9.0, rate=200.0, patience=1.0))
     send_unit(SimpleNamespace(switching=SimpleNamespace(crossing_rate=PACE)), state,
-              SimpleNamespace(pressure=[200e3, 0.0], reason=SimpleNamespace(why=AHEAD)))
-    assert state.crossings.pace[1] == pytest.approx(pace)
+              SimpleNamespace(pressure=[200e3, 0.0], reason=SimpleNamespace(why=why)))
+    assert state.crossings.pace[1] == crossing_pace(table, 1, PACE, time)
 
 
-@pytest.mark.parametrize('speed', [0.07, -0.07])
+@pytest.mark.parametrize('speed', [0.03, -0.03])
 def test_how_fast_the_limits_come_nearer_is_known_as_soon_as_the_motion(paper_bundle, speed):
     """A held force and a strain that begins to move: within 60 ms, not a quarter of a second."""
     controller, dt, pressure = RecruitmentController(paper_bundle), 4e-3, np.array([150e3, 0.0])
@@ -135,7 +192,7 @@ def test_limits_that_come_nearer_faster_and_faster_accelerate_the_demand(paper_b
     for k in range(350):
         strain = 0.12 + 0.2 * (max(k - 250, 0) * dt) ** 2
         force = float(paper_bundle.force(strain, pressure))
-        controller.update(dt, Measurement(force, strain, 0.0, pressure), Reference('force', 20.0))
+        controller.update(dt, Measurement(force, strain, 0.0, pressure), Reference('force', 10.0))
     full = np.array([paper_bundle.max_pressure[0], 0.0])
     slope = (paper_bundle.force(strain + 1e-3, full) - paper_bundle.force(strain, full)) / 1e-3
     assert controller.memory.demand.acceleration == pytest.approx(-0.4 * float(slope), rel=0.3)
@@ -159,17 +216,16 @@ def test_the_largest_force_of_a_state_is_that_of_its_table_at_any_strain(paper_b
 
 
 def test_a_unit_is_brought_in_slowly_where_there_is_time(made):
-    """In the time that the feedback needs; not slower than a rising demand allows."""
+    """In the time that the feedback needs, but not faster than usual."""
     table = made()
-    assert crossing_pace(table, 1, 0.0, 4.0, PACE, 0.2) == pytest.approx(50e3 / 0.2)
-    assert crossing_pace(table, 1, 40.0, 4.0, PACE, 0.2) == pytest.approx(50e3 * 40.0 / 4.0)
-    assert crossing_pace(table, 1, 0.0, 4.0, PACE, 1e-3) == PACE
+    assert crossing_pace(table, 1, PACE, 0.2) == pytest.approx(50e3 / 0.2)
+    assert crossing_pace(table, 1, PACE, 1e-3) == crossing_pace(table, 1, PACE, 0.0) == PACE
     # A unit without a falling branch has nothing to be careful with.
     table.bottom_pressure[1] = 0.0
-    assert crossing_pace(table, 1, 0.0, 4.0, PACE, 0.2) == PACE / 20.0
+    assert crossing_pace(table, 1, PACE, 0.2) == PACE / 20.0
     table.bottom_pressure[1] = 50e3
     # Recruitment looks as far ahead as that takes.
-    assert crossing_time(table, 1, 0.0, PACE, 0.2) == pytest.approx(1.4 * 0.2 + 0.02)
+    assert crossing_time(table, 1, PACE, 0.2) == pytest.approx(1.4 * 0.2 + 0.02)
 
 
 def test_feedback_keeps_a_hand_over_within_the_noise():
@@ -184,12 +240,12 @@ def test_feedback_keeps_a_hand_over_within_the_noise():
 
 def test_the_time_of_a_crossing_is_that_of_the_longer_way(made):
     """Its own way to the bottom, or that of the unit that makes up for the dip."""
-    assert crossing_time(made(), 1, 0.0, PACE, 0.0) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
+    assert crossing_time(made(), 1, PACE, 0.0) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
     weak = made(slope=(2e-5, 2e-3))
-    assert crossing_time(weak, 1, 0.0, PACE, 0.0) == pytest.approx(1.4 * 200e3 / PACE + 0.02)
+    assert crossing_time(weak, 1, PACE, 0.0) == pytest.approx(1.4 * 200e3 / PACE + 0.02)
     # With nobody to make up for the dip only its own way counts.
     flat = made(slope=(0.0, 2e-3))
-    assert crossing_time(flat, 1, 0.0, PACE, 0.0) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
+    assert crossing_time(flat, 1, PACE, 0.0) == pytest.approx(1.4 * 50e3 / PACE + 0.02)
 
 
 @pytest.mark.parametrize(('scheme', 'expected'), [(ORDERLY, 8e-5 / 1e-3), (BATCH, 8e-5 / 3e-3)])
@@ -220,12 +276,23 @@ def test_a_hand_over_is_within_the_noise_that_is_left_behind_the_loop():
     for reading in readings:
         found.append(found[-1] + (1.0 - math.exp(-dt / lag)) * (reading - found[-1]))
     state, settings = recruitment_state([0, 1], [[0.0, 1e5]] * 2, True), SimpleNamespace(
-        switching=SimpleNamespace(horizon=5.0))
+        switching=SimpleNamespace(horizon=5.0), outer=SimpleNamespace(feedback=True))
     state.outer.lag = lag
     for reading in readings[:2000]:
         learn_noise(state.outer.observer, reading, 0.1, dt)
         kept.append(doubt * lag / patience(settings, state, doubt, dt))
     assert np.mean(kept[1000:]) == pytest.approx(np.std(found), rel=0.1)
+
+
+@pytest.mark.parametrize(('feedback', 'kind', 'expected'), [
+    (True, FORCE, 2.0), (False, FORCE, 0.0), (True, STRAIN, 0.0)])
+def test_only_what_a_force_feedback_can_follow_is_waited_for(feedback, kind, expected):
+    """Without it, or with a strain reference, no error of a crossing is corrected meanwhile."""
+    state = recruitment_state([0, 1], [[0.0, 1e5]] * 2, True)
+    state.outer.kind, state.outer.lag = kind, 0.03
+    settings = SimpleNamespace(switching=SimpleNamespace(horizon=2.0),
+                               outer=SimpleNamespace(feedback=feedback))
+    assert patience(settings, state, 1e3, DT) == expected
 
 
 def test_a_push_back_that_is_not_there_is_found_on_the_way_where_the_demand_is_slow(paper_bundle):

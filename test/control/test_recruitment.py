@@ -215,9 +215,9 @@ def test_a_push_back_that_is_not_there_is_crossed_as_slowly_as_feedback_needs(pa
     bench, off = Bench(paper_bundle, 0.16, noise=0.1), []
     bench.bundle = SimpleNamespace(force=lambda strain, pressure: np.maximum(
         paper_bundle.unit_forces(strain, pressure), 0.0).sum())
-    bench.ramp(0.0, 20.0, 20.0)
+    bench.ramp(0.0, 10.0, 20.0)
     assert bench.controller.state == 1
-    for force in np.arange(20.0, 45.0, 0.1):
+    for force in np.arange(10.0, 45.0, 0.1):
         off.append(bench.bundle.force(0.16, bench.update(float(force), 20.0).pressure) - force)
     assert bench.controller.state == 2
     assert max(np.abs(off)) < 0.4 * 6.4

@@ -36,12 +36,12 @@ class Machine:
             'margin': 1.0, 'hysteresis': 2.0, 'dwell': 0.0, **config}))
         self.machine.reset(state)
 
-    def tell(self, force, rate=0.0, acceleration=0.0, duration=DT, feedback=0.0):
+    def tell(self, force, rate=0.0, acceleration=0.0, duration=DT, feedback=0.0, **further):
         """Return the time of the first switch (nan for none) and why."""
         for k in range(max(round(duration / DT), 1)):
             why = self.machine.update(DT, SimpleNamespace(table=self.table),
                                       Demand(force, rate, acceleration, smooth_rate=rate,
-                                             feedback=feedback))
+                                             feedback=feedback, **{'own_rate': rate, **further}))
             if why:
                 return (k + 1) * DT, why
         return float('nan'), ''
@@ -126,13 +126,38 @@ def test_what_is_in_doubt_while_a_unit_crosses_releases_no_other(made, force, re
 
 
 def test_a_demand_that_turned_back_is_looked_at_with_care(made):
-    """Recruited ahead and not needed: released on the way down, and then only when needed."""
+    """Recruited ahead and not needed: released on the way down, and looked ahead less far."""
     machine = Machine(made(), 1)
-    assert 'rising' in machine.tell(240.0, 100.0)[1]
+    assert 'rising' in machine.tell(212.0, 100.0, patience=0.2)[1]
     assert machine.tell(238.0, -100.0)[1] == ''
-    assert 'turned back before it was needed' in machine.tell(236.0, -100.0)[1]
-    assert machine.tell(240.0, 100.0, duration=1.0)[1] == ''
-    assert 'by more than' in machine.tell(247.5, 100.0)[1]
+    assert 'turned back before it was needed' in machine.tell(205.0, -100.0)[1]
+    # 55 ms: the time in which the unit could be filled at the usual pace
+    assert machine.tell(230.0, 100.0, duration=1.0, patience=0.2)[1] == ''
+    assert 'rising' in machine.tell(240.0, 100.0, patience=0.2)[1]
+
+
+@pytest.mark.parametrize(('force', 'own_rate', 'recruited'), [
+    (212.0, 100.0, True), (230.0, 0.0, False), (240.0, 0.0, True)])
+def test_a_motion_of_the_strain_is_predicted_no_further_than_a_crossing_in_haste(
+        made, force, own_rate, recruited):
+    """Where the limit falls by 100 N/s and the demand rests, there is no patience."""
+    why = Machine(made(), 1).tell(force, 100.0, own_rate=own_rate, patience=0.2)[1]
+    assert bool(why) == recruited
+
+
+@pytest.mark.parametrize(('patience', 'force', 'recruited'), [
+    (0.2, 211.0, False), (0.2, 212.0, True), (0.0, 235.0, False)])
+def test_the_more_time_a_crossing_takes_the_earlier_it_begins(made, patience, force, recruited):
+    """The overlap begins at 242 N; at 100 N/s a crossing of 0.3 s begins 30 N below it."""
+    assert bool(Machine(made(), 1).tell(force, 100.0, patience=patience)[1]) == recruited
+
+
+@pytest.mark.parametrize(('spare', 'recruited'), [(3.9, False), (4.1, True)])
+def test_no_unit_begins_whose_push_back_the_units_on_their_way_leave_no_room_for(
+        made, spare, recruited):
+    """Its dip is 4 N; a demand beyond the limit recruits it all the same."""
+    assert bool(Machine(made(), 1).tell(240.0, 100.0, spare=spare)[1]) == recruited
+    assert Machine(made(), 1).tell(247.5, 100.0, spare=0.0)[1]
 
 
 def test_what_feedback_takes_away_is_no_demand_that_turned_back(made):
