@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from fam_bundle_ros.benchmarks import measured_muscle
 from fam_bundle_ros.benchmarks.control import model_of, plant_of
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
 from fam_bundle_ros.benchmarks.foreign_muscle import grid, Wrong
@@ -19,6 +20,14 @@ from fam_bundle_ros.benchmarks.plants import rest_force
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.data import as_measurement
 from fam_bundle_ros.resources import config_path
+
+
+@pytest.fixture(scope='module', autouse=True)
+def diagnosed(diagnose_map):
+    """Let the model of the muscle be the one that was found already."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measured_muscle, 'diagnose', diagnose_map)
+        yield
 
 
 @pytest.fixture(scope='module')
