@@ -52,7 +52,7 @@ CHROMIUM_FLAGS = ['--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first
 LONG = ['discovery/test_diagnose.py', 'workbench/test_browser_story.py', 'cli/test_cli_rig.py',
         'nodes/test_rig_probe.py', 'workbench/test_browser_live.py', 'nodes/test_session.py',
         'nodes/test_safety.py', 'nodes/test_fault_run.py', 'nodes/test_measuring.py',
-        'control/test_measured_muscle.py', 'control/test_benchmark.py', 'nodes/test_story.py']
+        'control/test_benchmark.py', 'nodes/test_story.py']
 
 
 def pytest_collection_modifyitems(items):

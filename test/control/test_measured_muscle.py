@@ -46,11 +46,11 @@ def test_the_plant_pulls_as_was_measured(readings, friction):
     assert found == pytest.approx(readings[2], abs=3.0)
 
 
-@pytest.mark.parametrize('units', [2, 6])
-def test_a_heavy_load_that_nobody_told_is_held_at_rest(units):
+def test_a_heavy_load_that_nobody_told_is_held_at_rest():
     """46 kg on gains for lighter loads swung by 0.05 in strain for good."""
-    log = loop_of('measured', units, CONTROLLERS['untold_load'], BaselineConfig()).run(
-        make_trajectory('load_step', model_of('measured', units), plant_of('measured', units),
+    # without the gains six units swing as two do, and take 20 s to compile
+    log = loop_of('measured', 2, CONTROLLERS['untold_load'], BaselineConfig()).run(
+        make_trajectory('load_step', model_of('measured', 2), plant_of('measured', 2),
                         long=False))
     held = (log.time > 5.5) & (log.time < 6.0)  # a second after the load has changed
     assert np.abs(log.error[held]).max() < 0.002
