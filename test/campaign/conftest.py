@@ -71,7 +71,9 @@ def three(lab):
 
 
 @pytest.fixture(scope='session')
-def alone(campaign, tmp_path_factory):
-    """Return the campaign as one core does it, and the folder of its results."""
-    out = tmp_path_factory.mktemp('alone') / 'out'
-    return campaign(out, workers=1), out
+def alone(campaign, tmp_path_factory, once):
+    """Return the campaign as one core does it, and the folder of its results, to be read only."""
+    def make():
+        out = tmp_path_factory.mktemp('alone') / 'out'
+        return campaign(out, workers=1), out
+    return once('campaign_alone', make)

@@ -3,6 +3,7 @@
 """A folder of recordings: tables, what they say together, and what a kill leaves behind."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -88,9 +89,9 @@ def test_what_muscles_lack_and_what_it_goes_with_is_found(alone):
     assert 'end_caps is missing in 5 of 5 muscles' in str(result)
 
 
-def test_a_second_run_computes_nothing_but_what_is_new(alone, campaign, lab):
-    """A recording that is added is worked on alone; a changed option is another campaign."""
-    _, out = alone
+def test_a_second_run_computes_nothing_but_what_is_new(alone, campaign, lab, tmp_path):
+    """A recording that is added is worked on, and nothing else."""
+    out = shutil.copytree(alone[1], tmp_path / 'out')
     assert campaign(out, workers=1).computed == 0
     added = lab / 'added.csv'
     added.write_text('nothing')

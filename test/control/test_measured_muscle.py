@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from fam_bundle_ros.benchmarks import measured_muscle
 from fam_bundle_ros.benchmarks.control import model_of, plant_of
 from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory
 from fam_bundle_ros.benchmarks.foreign_muscle import grid, Wrong
@@ -19,6 +20,14 @@ from fam_bundle_ros.benchmarks.plants import rest_force
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.data import as_measurement
 from fam_bundle_ros.resources import config_path
+
+
+@pytest.fixture(scope='module', autouse=True)
+def diagnosed(diagnose_map):
+    """Let the model of the muscle be the one that was found already."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measured_muscle, 'diagnose', diagnose_map)
+        yield
 
 
 @pytest.fixture(scope='module')
@@ -37,11 +46,11 @@ def test_the_plant_pulls_as_was_measured(readings, friction):
     assert found == pytest.approx(readings[2], abs=3.0)
 
 
-@pytest.mark.parametrize('units', [2, 6])
-def test_a_heavy_load_that_nobody_told_is_held_at_rest(units):
+def test_a_heavy_load_that_nobody_told_is_held_at_rest():
     """46 kg on gains for lighter loads swung by 0.05 in strain for good."""
-    log = loop_of('measured', units, CONTROLLERS['untold_load'], BaselineConfig()).run(
-        make_trajectory('load_step', model_of('measured', units), plant_of('measured', units),
+    # without the gains six units swing as two do, and take 20 s to compile
+    log = loop_of('measured', 2, CONTROLLERS['untold_load'], BaselineConfig()).run(
+        make_trajectory('load_step', model_of('measured', 2), plant_of('measured', 2),
                         long=False))
     held = (log.time > 5.5) & (log.time < 6.0)  # a second after the load has changed
     assert np.abs(log.error[held]).max() < 0.002

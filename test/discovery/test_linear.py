@@ -82,7 +82,7 @@ def test_a_size_is_positive_or_absent_with_equal_odds(problem, size):
         rest = Linear.of(priors[1:], u[1:], force - value * slopes[:, 0] - slopes[:, 1] * u[1],
                          slopes[:, 1:])
         return log_evidence(fitter.covariance, white, rest)
-    values = np.linspace(0.0, 4.0, 20001)
+    values = np.linspace(0.0, 4.0, 4001)
     height = np.array([given(value) for value in values])
     top = height.max()
     above = np.trapezoid(np.exp(height - top - 0.5 * values ** 2), values) / np.sqrt(2.0 * np.pi)

@@ -29,12 +29,17 @@ LENGTHS = (0.08, 0.127, 0.25)
 
 @pytest.fixture
 def specimens(paper_muscle, sweeps):
-    """Return a function that records muscles of three lengths; it is told what they hide."""
+    """
+    Return a function that records muscles of three lengths; it is told what they hide.
+
+    Of each sweep every fourth row: there are enough of them.
+    """
     def make(hide, lengths=LENGTHS):
         found = []
         for seed, length in enumerate(lengths):
             muscle = paper_muscle.with_parameters({'geometry.length': length})
-            found.append(Specimen(f's{seed}', sweeps(hide(muscle, length), seed=seed, cycles=1),
+            data = sweeps(hide(muscle, length), seed=seed, cycles=1)
+            found.append(Specimen(f's{seed}', data.select(np.arange(len(data)) % 4 == 0),
                                   {'length': length}, {'length': 1e3 * length}))
         return found
     return make
@@ -78,8 +83,7 @@ def test_a_friction_in_proportion_to_length_is_no_constant(specimens, paper_musc
     """It is named in all, with its length; a recording of a spring is refused and left out."""
     made = specimens(
         lambda muscle, length: muscle.with_effect('coulomb_friction', force=24.0 * length))
-    few = made[1].data.select(np.arange(len(made[1].data)) % 4 == 0)
-    spring = replace(few, force=120.0 - 700.0 * few.strain)
+    spring = replace(made[1].data, force=120.0 - 700.0 * made[1].data.strain)
     result = diagnose_specimens(paper_muscle, [
         *made, replace(made[1], name='spring', data=spring)], choices=Choices(most=1))
     assert result.effects == ('coulomb_friction',)
@@ -115,9 +119,7 @@ def test_an_end_effect_of_clamps_and_a_share_of_the_length_is_named(specimens, p
     """Three lengths part the two, which each alone cannot; on two end caps stay a tie."""
     made = specimens(lambda muscle, length: muscle.with_effect(
         'end_effect_of_length', dead_length=12e-3, share=0.08), lengths)
-    few = [replace(each, data=each.data.select(np.arange(len(each.data)) % 4 == 0))
-           for each in made]
-    result = diagnose_specimens(paper_muscle, few, choices=Choices(most=1))
+    result = diagnose_specimens(paper_muscle, made, choices=Choices(most=1))
     assert result.effects == ('end_caps',)
     shapes = {change.new for change in result.changes}
     assert 'end_effect_of_length' in shapes | {name for group in result.tied for name in group}

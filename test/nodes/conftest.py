@@ -17,7 +17,12 @@ from std_msgs.msg import Bool
 
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+
+from .board import Pty, Tcp
+from .whole_bundle import hold
 
 #: s. Nothing here takes longer on a machine that is busy with other things.
 PATIENCE = 60.0
@@ -190,3 +195,55 @@ def quiet():
 def bare(quiet):
     """Return the same for a rig whose supply waits for no permission."""
     return {**quiet, 'obey_supply_enable': False}
+
+
+def with_noise(quiet, overrides, **values):
+    """Return parameters of a whole bundle whose sensors have the noise of real ones."""
+    return {**quiet, 'sensors.force_noise': 0.9, 'sensors.pressure_noise': 350.0,
+            'sensors.strain_noise': 5e-5, 'monitor': False, 'start_enabled': True, **values,
+            **{name.replace('__', '.'): value for name, value in overrides.items()}}
+
+
+def added(graph, nodes):
+    """Take a bundle's nodes in; return the rig and the controller."""
+    graph.add(*nodes)
+    return nodes[-1], next(node for node in nodes if isinstance(node, RecruitmentNode))
+
+
+@pytest.fixture
+def bundle(graph, quiet):
+    """Return a function: a whole bundle in lock-step on a profile, with our pacer."""
+    def start(profile=None, **overrides):
+        values = with_noise(quiet, overrides, lock_step=True, wait_for_reference=True,
+                            lock_step_timeout=0.5)
+        return added(graph, make_nodes(graph.context, overrides=values,
+                                       simulator={'script': graph.pacer},
+                                       generator={'profile': profile or hold(40.0)}))
+    return start
+
+
+@pytest.fixture
+def live(graph, quiet):
+    """Return a function: a bundle in wall time, enabled, that the test gives references."""
+    def start(**overrides):
+        # Being held up by other tests is not what it is about.
+        values = with_noise(quiet, overrides, generate=False, trip_pressure=1e6,
+                            sensor_timeout=5.0, setpoint_timeout=5.0, command_timeout=5.0)
+        return added(graph, make_nodes(graph.context, overrides=values))
+    return start
+
+
+@pytest.fixture(params=[Pty, Tcp], ids=['pty', 'tcp'])
+def any_port(request, tmp_path):
+    """Yield a serial port and then a TCP port."""
+    port = request.param(tmp_path)
+    yield port
+    port.close()
+
+
+@pytest.fixture
+def port(tmp_path):
+    """Yield a serial port."""
+    port = Pty(tmp_path)
+    yield port
+    port.close()

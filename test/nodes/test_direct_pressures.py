@@ -7,21 +7,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
-from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
-
-
-@pytest.fixture
-def bundle(graph, quiet):
-    """Return simulator and controller of a bundle in lock-step that the test gives references."""
-    values = {**quiet, 'sensors.force_noise': 0.9, 'sensors.pressure_noise': 350.0,
-              'sensors.strain_noise': 5e-5, 'lock_step': True, 'wait_for_reference': True,
-              'start_enabled': True, 'monitor': False, 'generate': False,
-              'lock_step_timeout': 0.5}
-    nodes = make_nodes(graph.context, overrides=values, simulator={'script': graph.pacer})
-    graph.add(*nodes)
-    return nodes[-1], next(n for n in nodes if isinstance(n, RecruitmentNode))
 
 
 class Experimenter:
@@ -44,7 +30,7 @@ class Experimenter:
 
 def test_pressures_pass_the_same_door_without_a_bump_and_within_limits(graph, bundle):
     """Force to pressures and back without a jump; beyond a limit, refused."""
-    rig, node = bundle
+    rig, node = bundle(generate=False)
     asking = Experimenter(graph, 60.0)
     graph.advance(rig, 1.0)
     before = rig.rig.truth.pressure
@@ -75,7 +61,7 @@ def test_pressures_pass_the_same_door_without_a_bump_and_within_limits(graph, bu
 
 def test_dynamometer_of_the_simulator_goes_where_it_is_told(graph, bundle):
     """A ramp by messages is a ramp of the rig: strain within a step of it, and its rate."""
-    rig, _ = bundle
+    rig, _ = bundle(generate=False)
     asking = Experimenter(graph, (50e3, 0.0))
     publisher = graph.probe.create_publisher(JointState, 'reference/dynamometer', 10)
     begun = []

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.plant import Dynamometer, Faults, Rig, RigConfig, SensorConfig, SupplyConfig
+from fam_bundle_ros.plant import Faults, SensorConfig, SupplyConfig
 from fam_bundle_ros.plant.faults import fault_record, UNITS
 from fam_bundle_ros.units import si_factor
+
+from . import rigs
 
 DT = 5e-3
 FILLED = [200e3, 120e3]
@@ -20,12 +22,8 @@ FILLED = [200e3, 120e3]
 def make(bundle):
     """Return a function that makes a rig with ideal sensors, filled, and then with faults."""
     def rig(faults=None, filled=FILLED, **config):
-        made = Rig(bundle, RigConfig(load=Dynamometer(strain=0.1),
-                                     **{'sensors': SensorConfig.ideal(), **config}))
-        for _ in range(120):
-            error = (np.array(filled) - made.truth.pressure) / 100e3
-            made.step(np.clip(np.where(abs(error) > 1e-3, np.sign(error) * 0.04 + 0.3 * error,
-                                       0.0), -1.0, 1.0), DT)
+        made = rigs.make(bundle, **config)
+        rigs.drive(made, filled, 120 * DT)
         made.faults = faults or Faults()
         return made
     return rig
@@ -140,6 +138,15 @@ def test_spikes_are_single_readings_ten_times_a_second(make):
     assert set(np.diff(spikes)) == {20}
 
 
+def test_a_dropout_blanks_the_reading_and_not_the_truth(make):
+    """A lost sensor is nan in the readings only; the other channels show what is true."""
+    rig = make(Faults(dropout={'mu1/pressure'}))
+    reading = rig.step([0.5, 0.0], 0.02)
+    assert math.isnan(reading.pressure[0])
+    assert rig.truth.pressure[0] > FILLED[0]
+    assert reading.pressure[1] == pytest.approx(rig.truth.pressure[1])
+
+
 def test_lost_messages_leave_the_reading_before(make):
     """Of half of the messages the reader has nothing: it keeps what it had."""
     rig = make(Faults(lost={'mu1/pressure': 0.5}))
@@ -193,6 +200,29 @@ def test_exchanged_valves_obey_each_others_commands(make):
     rig.step([0.3, 0.0], 0.05)
     assert rig.truth.pressure[0] == pytest.approx(FILLED[0], abs=1e3)
     assert rig.truth.pressure[1] > FILLED[1] + 50e3
+
+
+def test_a_stuck_valve_ignores_its_command(make):
+    """One that is stuck where it is fills on against an exhaust command; the other obeys."""
+    rig = make(filled=[0.0, 0.0])
+    rig.step([0.1, 0.1], 0.05)
+    rig.faults.stuck_valve = {0: None}
+    before = rig.truth.pressure
+    rig.step([-1.0, -1.0], 0.02)
+    assert rig.truth.pressure[0] > before[0]
+    assert rig.truth.pressure[1] < before[1]
+    assert rig.faults.stuck_valve == pytest.approx({0: 0.1}, abs=1e-3)
+    rig.faults.clear()
+    rig.step([-1.0, -1.0], 0.2)
+    assert np.all(rig.truth.pressure < 1e3)
+
+
+def test_a_leak_empties_its_chamber_with_its_time_constant(make):
+    """After five of them hardly any pressure is left; the other unit keeps its own."""
+    rig = make(Faults(leak={1: 0.1}))
+    rig.step([0.0, 0.0], 0.5)
+    assert rig.truth.pressure[1] == pytest.approx(math.exp(-5.0) * FILLED[1], rel=0.15)
+    assert rig.truth.pressure[0] == pytest.approx(FILLED[0], abs=1e3)
 
 
 def test_leaking_valve_fills_its_unit_though_it_is_shut(make):

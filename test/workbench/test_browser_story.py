@@ -254,8 +254,10 @@ def test_curves_move_from_the_old_model_to_the_new_and_back(typed):
             look();
         }""")
         typed.click(mark)
-        page.wait_for_function('window.shapes.size > 1')
-        page.wait_for_timeout(1500)
+        page.wait_for_function(f'window.shapes.size > {1 if motion == "reduce" else 2}')
+        if motion == 'reduce':
+            # more than the time of ten frames, of which each would have another shape
+            page.wait_for_timeout(500)
         shapes[motion] = page.evaluate('window.shapes.size')
     assert shapes['no-preference'] > 2
     assert shapes['reduce'] == 2
