@@ -30,7 +30,7 @@ demo: install  ## run the whole story on simulated hardware and write report/
 	@$(BIN)/fam_bundle demo
 
 # A file goes to one worker, which makes its fixtures once: a browser, a cluster, a benchmark. In the
-# order of the folders, as the files with the fewest tests take the longest.
+# order of test/conftest.py, which begins with the longest files.
 test: install  ## run all tests (JOBS=2 in parallel)
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
