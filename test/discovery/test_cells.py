@@ -72,15 +72,29 @@ def test_without_memory_a_few_blocks_of_rows_have_the_averages_of_all(make_sweep
 
 
 @pytest.mark.parametrize('most', [3, 10, 24, 25, 60])
-def test_of_too_many_cells_an_even_choice_stays(most):
-    """The first and the last among them; the rows of the others are in none."""
+def test_of_too_many_cells_of_one_size_an_even_choice_stays(most):
+    """The rows of the others are in none."""
     label = np.repeat(np.arange(25), 4)
     found = _at_most(most, label)
     kept = np.unique(label[found >= 0])
     assert len(kept) == found.max() + 1 == min(most, 25)
-    assert (kept[0], kept[-1]) == (0, 24)
     assert np.ptp(np.diff(kept)) <= 1
+    assert kept[0] + 24 - kept[-1] <= 25 / most
     assert all(len(np.unique(found[label == k])) == 1 for k in range(25))
+
+
+def test_of_too_many_cells_those_of_many_rows_stay_rather_than_those_of_few():
+    """All of the long ones, and of the short ones in proportion to their rows."""
+    rows = np.random.default_rng(2).permutation(np.tile([40, 8, 4, 4, 4], 60))
+    label = np.repeat(np.arange(300), rows)
+    found = _at_most(100, label)
+    kept = np.unique(label[found >= 0])
+    assert len(kept) == found.max() + 1 == 100
+    assert np.count_nonzero(rows[kept] == 40) == 60
+    # each short one kept stands for 30 rows of short ones
+    between = np.diff(np.cumsum(rows * (rows < 40))[kept[rows[kept] < 40]])
+    assert between.min() > 30 - 8
+    assert between.max() < 30 + 8
 
 
 def test_places_are_as_fine_as_there_is_room_for(sweeps):
@@ -341,7 +355,7 @@ def test_each_row_that_is_not_used_is_counted_once_by_its_reason(make_sweeps, pa
     force[[20, 420]] += 60.0
     cells = reduce(paper_muscle, replace(data, force=force), most=60)
     spiky, turning, further = cells.unused.values()
-    assert list(cells.unused)[2] == 'from visits beyond 60, evenly spread'
+    assert list(cells.unused)[2] == 'from visits beyond a sample of 60'
     known = np.count_nonzero(unknown_direction(cells.data))
     assert (spiky, turning) == (2, known)
     assert spiky + turning + further == np.count_nonzero(cells.label < 0)
