@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
+from scipy.signal import lfilter
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import Choices, diagnose, settings
@@ -23,7 +24,7 @@ from fam_bundle_ros.discovery.cells import (
     thinned,
     unknown_direction,
 )
-from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model import load_model, Motion
 
 
 @pytest.fixture(scope='module')
@@ -95,6 +96,26 @@ def test_of_too_many_cells_those_of_many_rows_stay_rather_than_those_of_few():
     between = np.diff(np.cumsum(rows * (rows < 40))[kept[rows[kept] < 40]])
     assert between.min() > 30 - 8
     assert between.max() < 30 + 8
+
+
+@pytest.mark.parametrize('memory', [0.0, 0.8])
+def test_long_and_short_visits_have_the_noise_that_their_means_have(paper_muscle, memory):
+    """Holds of 16 and of 76 rows; with a memory of five rows each row resembles the last."""
+    rng = np.random.default_rng(8)
+    hold = np.tile([16, 76], 85)
+    strain = np.repeat(rng.permutation(np.linspace(0.0, 0.2, 170)), hold)
+    time = 0.02 * np.arange(len(strain))
+    pressure = np.full(len(strain), 3e5)
+    white = 0.5 * np.sqrt(1.0 - memory ** 2) * rng.normal(size=len(strain))
+    noise = lfilter([1.0], [1.0, -memory], white)
+    exact = paper_muscle.predict(Motion(strain, pressure[:, None], 0.0 * strain, time))
+    cells = reduce(paper_muscle, build('holds', strain, pressure, exact + noise, None, time))
+    square = cells.mean(noise) ** 2 / cells.variance
+    long = cells.count > 40
+    assert np.count_nonzero(long) > 60
+    assert np.mean(square[long]) == pytest.approx(1.0, abs=0.35)
+    assert np.mean(square[~long]) == pytest.approx(1.0, abs=0.35)
+    assert cells.noise == pytest.approx(0.5, rel=0.15)
 
 
 def test_places_are_as_fine_as_there_is_room_for(sweeps):
