@@ -11,7 +11,7 @@ Petersen 1989, *J. Chem. Phys.* 91, 461-466). Second differences do not see slow
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
@@ -52,7 +52,7 @@ class MeanNoise:
 
 def mean_noise(values: np.ndarray, stay: np.ndarray, floor: NoiseFloor) -> MeanNoise | None:
     """
-    Estimate the noise of a row and its memory, or return None if there are too few neighbours.
+    Estimate the noise of a row and its memory, or return None if visits are too short for it.
 
     The noise of a row is at most that by repeats.
 
@@ -77,20 +77,19 @@ def mean_noise(values: np.ndarray, stay: np.ndarray, floor: NoiseFloor) -> MeanN
         blocks.append(block)
         found.append(max(spread(gaps, quantum / block) ** 2 / 6.0, quantum ** 2 / 12.0 / block))
         count.append(len(gaps) / block)
-    if not blocks or not all(found):
+    if len(blocks) < 2 or not all(found):  # a single variance shows no memory
         return None
     size, variance = np.array(blocks, float), np.array(found)
     weight = np.sqrt(count) / variance  # relative errors are as of 2 / count
-    best, least = MeanNoise(float(np.sqrt(variance[0]))), np.inf
-    # a single variance is that of white noise; a memory beyond the longest mean is slow motion
-    tried = 2.0 ** np.arange(-0.5, np.log2(size[-1]) + 0.1, 0.25) if len(blocks) > 1 else ()
-    for memory in tried:
+    fits = []
+    # a memory beyond the longest mean is slow motion
+    for memory in 2.0 ** np.arange(-0.5, np.log2(size[-1]) + 0.1, 0.25):
         columns = np.stack([1.0 / size, _of_differences(size, memory)], -1)
         parts, missed = nnls(columns * weight[:, None], variance * weight)
-        if missed < least:
-            best, least = MeanNoise(*np.sqrt(parts).tolist(), float(memory)), missed
-    scale = min(1.0, (floor.repeats or np.inf) / best.sd)
-    return replace(best, white=scale * best.white, slow=scale * best.slow)
+        fits.append((missed, float(memory), np.sqrt(parts)))
+    _, memory, parts = min(fits, key=lambda fit: fit[0])
+    parts *= min(1.0, (floor.repeats or np.inf) / float(np.hypot(*parts)))
+    return MeanNoise(float(parts[0]), float(parts[1]), memory)
 
 
 def _of_mean(rows: np.ndarray, memory: float) -> np.ndarray:
