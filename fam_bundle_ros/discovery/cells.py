@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.sparse import csr_array
 
 from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.mean_noise import mean_noise, MeanNoise
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
 from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.data.rates import CRAWL, sample_noise, slope, turning
@@ -59,7 +61,9 @@ class Cells:
     pressure : ndarray, shape (n, m), Pa
     time : ndarray, shape (n,), s, or None
     noise : float, N
-        Standard deviation of the white noise of a row.
+        Standard deviation of the noise of a row.
+    variance : ndarray, shape (n,), N^2
+        Of the noise of the mean force of each cell.
     stiffness : ndarray, shape (n,), N, or None
         -dF/de of the model if the force was constant and the strain was measured.
     rows : int
@@ -79,6 +83,7 @@ class Cells:
     trial: np.ndarray
     time: np.ndarray | None
     noise: float
+    variance: np.ndarray
     strain_range: float
     pressure_range: np.ndarray
     stiffness: np.ndarray | None = None
@@ -169,7 +174,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
         where the direction of motion is not known (see `unknown_direction`).
     measurement : Measurement
     most : int, optional
-        Most cells, by default `settings.CELLS`; of more visits, evenly spaced ones are kept.
+        Most cells, by default `settings.CELLS`; of more visits, a sample is kept.
 
     Raises
     ------
@@ -181,8 +186,9 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     record = motion(data)
     residual = data.force - model.predict(record)
     floor = noise_floor(data, residual)
+    least = settings.LEAST_NOISE * float(np.abs(data.force).max())
     known = [value for value in (floor.differences, floor.repeats) if value]
-    noise = max(min(known, default=0.0), settings.LEAST_NOISE * float(np.abs(data.force).max()))
+    noise = max(min(known, default=0.0), least)
     strain_range = max(float(np.ptp(data.strain)), 1e-6)
     pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
     if len(data) <= most:
@@ -191,16 +197,18 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
         label = (_places if data.is_static else _visits)(
             data, data.direction, strain_range, pressure_range, most)
     far, turns = spikes(data, residual, noise), unknown_direction(data)
-    label = _at_most(most, np.where(far | turns | blurred, -1, label))
+    used = ~(far | turns | blurred)
+    visit, label = label, _at_most(most, np.where(used, label, -1))
     left = (label < 0) & ~far
     unused = {'spikes': far.sum(),
               'averages over a step of strain or pressure, or over a turn': (
                   left & blurred & ~turns).sum(),
               'the first of a trial or at a turning point, where the direction of motion is not '
               'known': (left & turns).sum(),
-              f'from visits beyond {most}, evenly spread': (left & ~turns & ~blurred).sum()}
+              f'from visits beyond a sample of {most}': (left & ~turns & ~blurred).sum()}
     count = np.bincount(label[label >= 0]).astype(float)
     mean = averages(label, len(count))
+    found = mean_noise(residual[used], visit[used], floor) or MeanNoise(noise)
 
     stiff = stiffness(model, data)
     rate = np.abs(mean(data.strain_rate))
@@ -209,7 +217,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
                  np.log(np.maximum(rate, max(CRAWL * np.percentile(rate, 90), 1e-9))),
                  np.round(mean(data.trial.astype(float))),
-                 None if data.time is None else mean(data.time), noise, strain_range,
+                 None if data.time is None else mean(data.time), max(found.sd, least),
+                 np.maximum(found.variance(count), least ** 2 / count), strain_range,
                  pressure_range, None if stiff is None else mean(stiff), len(measurement))
 
 
@@ -246,10 +255,19 @@ def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
 
 
 def _at_most(most: int, label: np.ndarray) -> np.ndarray:
-    """Return labels without gaps (-1 stays); of more than ``most``, evenly spaced ones."""
+    """
+    Return labels without gaps (-1 stays); of more than ``most``, a systematic sample.
+
+    A label's share of the sample is in proportion to its rows, at most one (Särndal et al., *Model
+    Assisted Survey Sampling*, 1992, section 3.6): more of the rows are used than if each label had
+    the same share.
+    """
     label = _renumbered(label)
     if label.max() + 1 > most:
-        kept = np.unique(np.linspace(0, label.max(), most).astype(int))
+        rows = np.bincount(label[label >= 0])
+        rate = brentq(lambda rate: np.minimum(rate * rows, 1.0).sum() - most, 0.0, 1.0)
+        taken = np.floor(np.cumsum(np.minimum(rate * rows, 1.0)) + 0.5)
+        kept = np.flatnonzero(np.diff(taken, prepend=0.0))
         label = _renumbered(np.where(np.isin(label, kept), label, -1))
     return label
 

@@ -3,13 +3,13 @@
 r"""
 Covariance of the residual: noise and a smooth discrepancy (Gaussian process).
 
-    K = s^2 / count + s_w^2 I + a_e^2 M + (a_o^2 + a_v^2 V) d d' M + a_t^2 exp(-|dt| / tau)
+    K = S + s_w^2 I + a_e^2 M + (a_o^2 + a_v^2 V) d d' M + a_t^2 exp(-|dt| / tau)
 
-M is a Matern 5/2 kernel of (strain, pressure), summed over motor units like their forces; d is
-the direction of motion. The discrepancy has an even and an odd part in d (Kennedy and O'Hagan
-2001). V is a Matern 5/2 kernel of the logarithm of the speed, used if the data have several
-speeds, as losses depend on it. The last part correlates rows of the same trial. K does not depend
-on the physics, so its Cholesky factors are cached.
+S is diagonal: the noise of the averages. M is a Matern 5/2 kernel of (strain, pressure), summed
+over motor units like their forces; d is the direction of motion. The discrepancy has an even and
+an odd part in d (Kennedy and O'Hagan 2001). V is a Matern 5/2 kernel of the logarithm of the
+speed, used if the data have several speeds, as losses depend on it. The last part correlates rows
+of the same trial. K does not depend on the physics, so its Cholesky factors are cached.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Covariance:
         #: Python floats: single ones are read some ten thousand times, slower from an array.
         self._share = settings.AMPLITUDES.tolist()
         self._variance = [(share * (force_sd or cells.force_sd)) ** 2 for share in self._share]
-        self._noise = cells.noise ** 2 / cells.count
+        self._noise = cells.variance
         both = np.outer(cells.direction, cells.direction)
         #: By axis: the factor of the Matern part, or the time difference within a trial, s.
         self._base: dict[str, np.ndarray] = {'odd': both}

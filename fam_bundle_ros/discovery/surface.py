@@ -149,7 +149,7 @@ def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray, way: np.ndarray)
     """
     Return residuals of rows, (T,), N, averaged over places, as cells without time.
 
-    The scatter between visits is noise of the mean: ``count`` is the equivalent number of rows.
+    The scatter between visits is noise of the mean.
     """
     data, kept = cells.data, label >= 0
     rows = np.bincount(label[kept]).astype(float)
@@ -163,6 +163,6 @@ def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray, way: np.ndarray)
     variance = cells.noise ** 2 / rows + between / visits
     nowhere = np.zeros(len(rows))
     return replace(
-        cells, label=label, count=cells.noise ** 2 / variance, force=force,
+        cells, label=label, count=rows, variance=variance, force=force,
         strain=mean(data.strain), pressure=mean(data.pressure),
         direction=mean(way), speed=nowhere, trial=nowhere, time=None, stiffness=None)

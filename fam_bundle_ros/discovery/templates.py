@@ -315,7 +315,7 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     most : int
         Number of shapes to return.
     """
-    sd = np.sqrt(cells.noise ** 2 / cells.count + (settings.SMALL * cells.largest_force) ** 2)
+    sd = np.sqrt(cells.variance + (settings.SMALL * cells.largest_force) ** 2)
     r, jacobian = fit.residual / sd, fit.slopes / sd[:, None]
     gram = jacobian.T @ jacobian + np.eye(len(fit.u))
     slope = jacobian.T @ r - fit.u

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
+from scipy.signal import lfilter
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import Choices, diagnose, settings
@@ -23,7 +24,7 @@ from fam_bundle_ros.discovery.cells import (
     thinned,
     unknown_direction,
 )
-from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model import load_model, Motion
 
 
 @pytest.fixture(scope='module')
@@ -72,15 +73,49 @@ def test_without_memory_a_few_blocks_of_rows_have_the_averages_of_all(make_sweep
 
 
 @pytest.mark.parametrize('most', [3, 10, 24, 25, 60])
-def test_of_too_many_cells_an_even_choice_stays(most):
-    """The first and the last among them; the rows of the others are in none."""
+def test_of_too_many_cells_of_one_size_an_even_choice_stays(most):
+    """The rows of the others are in none."""
     label = np.repeat(np.arange(25), 4)
     found = _at_most(most, label)
     kept = np.unique(label[found >= 0])
     assert len(kept) == found.max() + 1 == min(most, 25)
-    assert (kept[0], kept[-1]) == (0, 24)
     assert np.ptp(np.diff(kept)) <= 1
+    assert kept[0] + 24 - kept[-1] <= 25 / most
     assert all(len(np.unique(found[label == k])) == 1 for k in range(25))
+
+
+def test_of_too_many_cells_those_of_many_rows_stay_rather_than_those_of_few():
+    """All of the long ones, and of the short ones in proportion to their rows."""
+    rows = np.random.default_rng(2).permutation(np.tile([40, 8, 4, 4, 4], 60))
+    label = np.repeat(np.arange(300), rows)
+    found = _at_most(100, label)
+    kept = np.unique(label[found >= 0])
+    assert len(kept) == found.max() + 1 == 100
+    assert np.count_nonzero(rows[kept] == 40) == 60
+    # each short one kept stands for 30 rows of short ones
+    between = np.diff(np.cumsum(rows * (rows < 40))[kept[rows[kept] < 40]])
+    assert between.min() > 30 - 8
+    assert between.max() < 30 + 8
+
+
+@pytest.mark.parametrize('memory', [0.0, 0.8])
+def test_long_and_short_visits_have_the_noise_that_their_means_have(paper_muscle, memory):
+    """Holds of 16 and of 76 rows; with a memory of five rows each row resembles the last."""
+    rng = np.random.default_rng(8)
+    hold = np.tile([16, 76], 85)
+    strain = np.repeat(rng.permutation(np.linspace(0.0, 0.2, 170)), hold)
+    time = 0.02 * np.arange(len(strain))
+    pressure = np.full(len(strain), 3e5)
+    white = 0.5 * np.sqrt(1.0 - memory ** 2) * rng.normal(size=len(strain))
+    noise = lfilter([1.0], [1.0, -memory], white)
+    exact = paper_muscle.predict(Motion(strain, pressure[:, None], 0.0 * strain, time))
+    cells = reduce(paper_muscle, build('holds', strain, pressure, exact + noise, None, time))
+    square = cells.mean(noise) ** 2 / cells.variance
+    long = cells.count > 40
+    assert np.count_nonzero(long) > 60
+    assert np.mean(square[long]) == pytest.approx(1.0, abs=0.35)
+    assert np.mean(square[~long]) == pytest.approx(1.0, abs=0.35)
+    assert cells.noise == pytest.approx(0.5, rel=0.15)
 
 
 def test_places_are_as_fine_as_there_is_room_for(sweeps):
@@ -341,7 +376,7 @@ def test_each_row_that_is_not_used_is_counted_once_by_its_reason(make_sweeps, pa
     force[[20, 420]] += 60.0
     cells = reduce(paper_muscle, replace(data, force=force), most=60)
     spiky, turning, further = cells.unused.values()
-    assert list(cells.unused)[2] == 'from visits beyond 60, evenly spread'
+    assert list(cells.unused)[2] == 'from visits beyond a sample of 60'
     known = np.count_nonzero(unknown_direction(cells.data))
     assert (spiky, turning) == (2, known)
     assert spiky + turning + further == np.count_nonzero(cells.label < 0)

@@ -111,7 +111,7 @@ def test_the_covariance_is_the_sum_of_its_parts_by_their_definitions(problem):
                             + (p / PRESSURE_LENGTHS[h.pressure]) ** 2)
         fading = np.where(np.equal.outer(cells.trial, cells.trial),
                           np.exp(-apart / TIME_LENGTHS[h.tau]), 0.0)
-        expected = (np.diag(cells.noise ** 2 / cells.count + white) + slow * fading
+        expected = (np.diag(cells.variance + white) + slow * fading
                     + smooth * (even + odd * np.outer(cells.direction, cells.direction)))
         np.testing.assert_allclose(covariance.matrix(h), expected, rtol=1e-9, atol=1e-12)
     assert covariance.white_sd(FULL) == pytest.approx(np.sqrt(white))
@@ -137,7 +137,7 @@ def test_the_parts_of_a_residual_add_up_to_what_is_no_noise(problem):
     residual = np.random.default_rng(5).standard_normal(len(cells))
     parts = [FULL._replace(**dict.fromkeys({'even', 'odd', 'slow'} - {axis}, 0))
              for axis in ('even', 'odd', 'slow')]
-    noise = cells.noise ** 2 / cells.count + covariance.variance(FULL.white)
+    noise = cells.variance + covariance.variance(FULL.white)
     smooth = residual - noise * np.linalg.solve(covariance.matrix(FULL), residual)
     found = [covariance.mean_of(part, FULL, residual) for part in parts]
     np.testing.assert_allclose(sum(found), smooth, atol=1e-8)

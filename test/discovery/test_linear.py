@@ -72,7 +72,7 @@ def test_a_size_is_positive_or_absent_with_equal_odds(problem, size):
     priors = [Prior('a.size', 0.0, 1e3, 0.0, 1.0, 'half'),
               Prior('a.x', -1e3, 1e3, 0.0, 1.0, 'normal')]
     white = Hyper(white=4)
-    noise = np.sqrt(cells.noise ** 2 / cells.count + covariance.variance(4))
+    noise = np.sqrt(cells.variance + covariance.variance(4))
     slopes *= np.median(noise) / np.linalg.norm(slopes[:, 0]) / 0.02
     force = slopes @ [size, 0.5] + noise * rng.standard_normal(len(cells))
     u = np.array([0.3, 0.2])
@@ -99,7 +99,7 @@ def test_beside_a_part_that_is_there_the_other_is_absent_with_even_odds(problem,
     cells, covariance, fitter = problem
     rng = np.random.default_rng(4)
     white = Hyper(white=4)
-    noise = np.sqrt(cells.noise ** 2 / cells.count + covariance.variance(4))
+    noise = np.sqrt(cells.variance + covariance.variance(4))
     ways = rng.standard_normal((len(cells), 3)) * 0.3 * np.median(noise)
     ways[:, 0] += 0.5 * ways[:, 1]
     other = Prior('a.constant', 0.0, 1e3, 2.0, 1.2, 'log', beside='a.size')

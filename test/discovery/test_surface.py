@@ -42,7 +42,7 @@ def test_even_and_odd_parts_are_conditional_means(fitter, paper_muscle):
     between = smooth(cells, cells.strain, cells.pressure)
     both = np.outer(cells.direction, cells.direction)
     whole = (even * between + odd * between * both
-             + np.diag(cells.noise ** 2 / cells.count + white))
+             + np.diag(cells.variance + white))
     weights = np.linalg.solve(whole, cells.force)
     strain, pressure = np.linspace(-0.02, 0.26, 7), np.linspace(0.0, 4e5, 7)[:, None]
     across = smooth(cells, strain, pressure)
@@ -105,7 +105,8 @@ def test_places_are_means_over_all_visits_and_as_sure_as_visits_agree(fitter):
                         for t in range(12)] for k in range(len(rows))])
     between = np.sum(visits ** 2) / (visits.size - len(rows))
     variance = cells.noise ** 2 / rows + between / 12.0
-    assert_allclose(found.count, cells.noise ** 2 / variance)
+    assert_allclose(found.variance, variance)
+    assert_allclose(found.count, rows)
     assert found.time is None
 
 

@@ -207,7 +207,7 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
     assert found[0].explained > 0.5
     assert len(found) == len({shape.kind for shape in found}) == 4
     assert np.all(np.diff([shape.gain for shape in found]) <= 0.0)
-    sd = np.sqrt(cells.noise ** 2 / cells.count + (SMALL * cells.largest_force) ** 2)
+    sd = np.sqrt(cells.variance + (SMALL * cells.largest_force) ** 2)
     own = np.vstack([fit.slopes / sd[:, None], np.eye(len(fit.u))])
     target = np.append(fit.residual / sd, -fit.u)
     shapes = bank(cells, fit.model)
