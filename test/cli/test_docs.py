@@ -5,6 +5,7 @@
 import importlib.util
 import re
 
+import numpy as np
 import pytest
 
 from fam_bundle_ros.model import load_model
@@ -57,6 +58,34 @@ def test_the_forces_of_the_guide_can_be_asked_for(repository, monkeypatch):
                 if 'bundle.force' in block)
     monkeypatch.chdir(repository)
     exec(compile(lines, 'python.md', 'exec'), {})
+
+
+class Rig:
+    """A dynamometer at a strain of 0.16; the pressures follow the valves at 5 MPa/s."""
+
+    def __init__(self, bundle, samples):
+        self.bundle, self.left = bundle, samples
+        self.pressure = np.zeros(bundle.n)
+
+    def running(self):
+        self.left -= 1
+        return self.left >= 0
+
+    def read(self):
+        return float(self.bundle.force(0.16, self.pressure)), 0.16, 0.0, self.pressure
+
+    def write(self, valves):
+        self.pressure = np.clip(self.pressure + 25e3 * np.array(valves), 0.0, 500e3)
+
+
+def test_the_loop_of_the_guide_holds_the_force_of_a_rig(repository, monkeypatch):
+    """Any object that can be read and written: 30 N after a second."""
+    (lines,) = (block for block in blocks(repository, 'python', 'python.md')
+                if 'rig.read' in block)
+    monkeypatch.chdir(repository)
+    rig = Rig(load_model('config/models/spie2021.yaml'), 200)
+    exec(compile(lines, 'python.md', 'exec'), {'rig': rig})
+    assert rig.read()[0] == pytest.approx(30.0, abs=0.5)
 
 
 def test_the_guide_names_what_a_formula_may_use(repository):
