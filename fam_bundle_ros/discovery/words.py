@@ -129,8 +129,6 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     """
     Return the experiment that best separates the answer from its most probable rival.
 
-    Where all of the answer is sure and has no tie, there is no rival.
-
     Parameters
     ----------
     base : Fit
@@ -141,8 +139,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if answer:
         least_sure = min(answer, key=lambda change: posterior.of_label(change.label))
         tie = ties[0] if ties else (least_sure.label, '')
-        sure = not ties and _is_sure(posterior.of_label(least_sure.label))
-        rival = None if sure else _rival(posterior, tie, chosen)
+        rival = _rival(posterior, tie, chosen)
         if rival is not None:
             own = _labels(posterior, chosen)
             other = tie[1] or next((label for label in _labels(posterior, rival)
@@ -155,7 +152,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                 why = (f'separates {tie[0]} from {other} '
                        f'(by {np.sqrt(best.separation):.0f} noise sd)')
                 return Next(f'{best.words}: {why}', replace(best.protocol, notes=why))
-    if finding.verdict in ('unexplained', 'partial'):
+    if finding.verdict == 'unexplained':
         shape = _shape(shapes, 'the error')
         return Next(f'measure where the error is largest again, in finer steps and at two speeds '
                     f'({shape})', finer(fitter.cells, chosen.model))
@@ -171,11 +168,6 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                     'memory', plain(fitter.cells, chosen.model))
     return Next('none needed within this range; to test the model further, widen it (beyond free '
                 'strain, another speed)')
-
-
-def _is_sure(probability: float) -> bool:
-    """Return whether the odds of an effect are those at which it is named."""
-    return bool(probability >= 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS)))
 
 
 def _labels(posterior: Posterior, fit: Fit) -> list[str]:
@@ -247,8 +239,9 @@ def not_named(posterior: Posterior, chosen: Fit, mentioned: Iterable[str]) -> tu
         probability = posterior.of_label(label)
         if label in known or probability <= 0.5:
             continue
-        why = ('it does not improve the prediction of held-out folds, or its constants are '
-               'implausible' if _is_sure(probability) else 'the evidence for it is weak')
+        weak = probability < 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS))
+        why = ('the evidence for it is weak' if weak else 'it does not improve the prediction of '
+               'held-out folds, or its constants are implausible')
         notes.append(f'{label} is likelier than not ({probability:.2f}) but not named: {why}')
     return tuple(notes)
 

@@ -81,27 +81,6 @@ def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatc
     assert asked == ['end_caps']
 
 
-@pytest.mark.parametrize(('probability', 'verdict', 'said'), [
-    (0.9, 'missing_effect', 'separates coulomb_friction from the model without it'),
-    (0.99, 'missing_effect', 'none needed within this range'),
-    (0.99, 'partial', 'measure where the error is largest again')])
-def test_a_sure_effect_needs_no_experiment_but_an_error_that_is_left_does(
-        monkeypatch, probability, verdict, said):
-    """At odds of 20 and more nothing that is named is in doubt."""
-    chosen, without = SimpleNamespace(names=['coulomb_friction'], model=None), SimpleNamespace(
-        names=[])
-    monkeypatch.setattr(words, '_labels', lambda posterior, fit: fit.names)
-    monkeypatch.setattr(words, 'finer', lambda cells, model: None)
-    sweep = Experiment(Protocol('sweep', 1, (Sweep((0.05, 0.15), 0.1, ((100e3,),)),)), 400.0)
-    monkeypatch.setattr(words, 'best_experiment', lambda *fits: (sweep, [sweep]))
-    posterior = SimpleNamespace(fits=(chosen, without), of_label=lambda label: probability)
-    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
-    finding = Finding(verdict, Left(3.1, 0.2), Left(0.0, 0.2), 0.8)
-    told = next_experiment(fitter, posterior, finding, [Change('', 'coulomb_friction')], chosen,
-                           (), (), BASE)
-    assert said in told.words
-
-
 @pytest.mark.parametrize(('labels', 'other'), [
     (['end_caps', 'pressure_creep'], 'pressure_creep'), (['end_caps'], 'the model without it')])
 def test_an_experiment_is_told_by_what_the_answer_has_not(monkeypatch, labels, other):
