@@ -127,8 +127,9 @@ class MachineState:
         k of RSk.
     direction : int
         Direction of the last switch: +1, -1, or 0 before the first.
-    since, calm, absent : float, s
-        Time since the last switch; at rest below the release level; below the release level.
+    since, calm, absent, rising : float, s
+        Time since the last switch; at rest below the release level; below the release level;
+        since the demand last did not rise.
     ahead : float, N
         By how much the release level is lowered: the distance of the demand below it at the last
         recruitment ahead of need. A demand that then stops rising must not release the unit.
@@ -149,6 +150,7 @@ class MachineState:
     since: float = math.inf
     calm: float = 0.0
     absent: float = 0.0
+    rising: float = 0.0
     ahead: float = 0.0
     feedback: float = 0.0
     excess: float = math.inf
@@ -161,7 +163,7 @@ def start_machine(machine: Any, state: int) -> None:
     for k in range(len(machine.needed)):
         machine.reserve[k], machine.needed[k] = 0.0, 1
     machine.state, machine.direction, machine.since = state, 0, math.inf
-    machine.calm = machine.absent = machine.ahead = machine.feedback = 0.0
+    machine.calm = machine.absent = machine.rising = machine.ahead = machine.feedback = 0.0
     machine.excess = math.inf
     machine.wary = False
 
@@ -256,13 +258,14 @@ def at_rest(settings: Any, table: Any) -> float:
 
 def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: float, dt: float
           ) -> None:
-    """Update the times of the demand below the release level, and at rest there."""
+    """Update the times of the demand: rising, below the release level, and at rest there."""
     below = machine.state > 0 and demand.force < release
     resting = abs(demand.rate) < at_rest(settings, table)
     for k in range(machine.state):
         machine.reserve[k] = max(machine.reserve[k], table.bottom_pressure[table.order[k]])
         if demand.force > table.top[k] - _LITTLE:
             machine.needed[k] = 1
+    machine.rising = machine.rising + dt if demand.own_rate > 0.0 else 0.0
     machine.absent = machine.absent + dt if below else 0.0
     machine.calm = machine.calm + dt if below and resting else 0.0
 
@@ -283,10 +286,10 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
             or added < demand.uncertainty or demand.spare < table.dip[table.order[state]]):
         return NONE
     # A demand that has turned back before, and the motion of the strain, are predicted no further
-    # than a crossing in haste takes.
+    # than a crossing in haste takes; a rise no longer than it has lasted.
     haste = crossing_time(table, table.order[state], settings.crossing_rate, 0.0)
-    time = haste if machine.wary else crossing_time(
-        table, table.order[state], settings.crossing_rate, demand.patience)
+    time = haste if machine.wary else max(haste, min(machine.rising, crossing_time(
+        table, table.order[state], settings.crossing_rate, demand.patience)))
     ahead = force + demand.smooth_rate * haste + demand.own_rate * (time - haste)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE

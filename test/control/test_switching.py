@@ -128,6 +128,7 @@ def test_what_is_in_doubt_while_a_unit_crosses_releases_no_other(made, force, re
 def test_a_demand_that_turned_back_is_looked_at_with_care(made):
     """Recruited ahead and not needed: released on the way down, and looked ahead less far."""
     machine = Machine(made(), 1)
+    machine.tell(100.0, 100.0, duration=0.5)
     assert 'rising' in machine.tell(212.0, 100.0, patience=0.2)[1]
     assert machine.tell(238.0, -100.0)[1] == ''
     assert 'turned back before it was needed' in machine.tell(205.0, -100.0)[1]
@@ -141,15 +142,28 @@ def test_a_demand_that_turned_back_is_looked_at_with_care(made):
 def test_a_motion_of_the_strain_is_predicted_no_further_than_a_crossing_in_haste(
         made, force, own_rate, recruited):
     """Where the limit falls by 100 N/s and the demand rests, there is no patience."""
-    why = Machine(made(), 1).tell(force, 100.0, own_rate=own_rate, patience=0.2)[1]
-    assert bool(why) == recruited
+    machine = Machine(made(), 1)
+    machine.tell(100.0, 100.0, duration=0.5)
+    assert bool(machine.tell(force, 100.0, own_rate=own_rate, patience=0.2)[1]) == recruited
 
 
 @pytest.mark.parametrize(('patience', 'force', 'recruited'), [
     (0.2, 211.0, False), (0.2, 212.0, True), (0.0, 235.0, False)])
 def test_the_more_time_a_crossing_takes_the_earlier_it_begins(made, patience, force, recruited):
     """The overlap begins at 242 N; at 100 N/s a crossing of 0.3 s begins 30 N below it."""
-    assert bool(Machine(made(), 1).tell(force, 100.0, patience=patience)[1]) == recruited
+    machine = Machine(made(), 1)
+    machine.tell(100.0, 100.0, duration=0.5)
+    assert bool(machine.tell(force, 100.0, patience=patience)[1]) == recruited
+
+
+@pytest.mark.parametrize(('lasted', 'recruited'), [(0.1, False), (0.3, True)])
+def test_a_rise_is_predicted_no_longer_than_it_has_lasted(made, lasted, recruited):
+    """A step that is read as a rate for a moment begins no slow crossing."""
+    machine = Machine(made(), 1)
+    machine.tell(100.0, 100.0, duration=0.5)
+    machine.tell(100.0, 0.0)
+    machine.tell(100.0, 100.0, duration=lasted)
+    assert bool(machine.tell(212.0, 100.0, patience=0.2)[1]) == recruited
 
 
 @pytest.mark.parametrize(('spare', 'recruited'), [(3.9, False), (4.1, True)])
