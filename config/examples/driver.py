@@ -96,6 +96,9 @@ def main():
         rclpy.spin(Driver(board))
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RuntimeError:  # rclpy's error where Ctrl-C came before it waits for messages
+        if rclpy.ok():
+            raise
     finally:
         board.write(False, [-1.0] * UNITS)
 
