@@ -58,6 +58,8 @@ LONG = ['discovery/test_diagnose.py', 'workbench/test_browser_story.py', 'cli/te
 def pytest_collection_modifyitems(items):
     """Begin with the long files: one that comes last keeps one core busy and the other idle."""
     places = {Path(__file__).parent / name: place for place, name in enumerate(LONG)}
+    for file in places:
+        file.stat()  # raises if it was renamed
     items.sort(key=lambda item: places.get(item.path, len(LONG)))
 
 
