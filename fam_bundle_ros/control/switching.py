@@ -286,11 +286,11 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
             or added < demand.uncertainty or demand.spare < table.dip[table.order[state]]):
         return NONE
     # A demand that has turned back before, and the motion of the strain, are predicted no further
-    # than a crossing in haste takes; a rise no longer than it has lasted.
-    haste = crossing_time(table, table.order[state], settings.crossing_rate, 0.0)
-    time = haste if machine.wary else max(haste, min(machine.rising, crossing_time(
+    # than a crossing at the usual rate takes; a rise no longer than it has lasted.
+    usual = crossing_time(table, table.order[state], settings.crossing_rate, 0.0)
+    time = usual if machine.wary else max(usual, min(machine.rising, crossing_time(
         table, table.order[state], settings.crossing_rate, demand.patience)))
-    ahead = force + demand.smooth_rate * haste + demand.own_rate * (time - haste)
+    ahead = force + demand.smooth_rate * usual + demand.own_rate * (time - usual)
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
     # One standard deviation, a third of the margin, is enough at first: a needless recruitment

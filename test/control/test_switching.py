@@ -139,7 +139,7 @@ def test_a_demand_that_turned_back_is_looked_at_with_care(made):
 
 @pytest.mark.parametrize(('force', 'own_rate', 'recruited'), [
     (212.0, 100.0, True), (230.0, 0.0, False), (240.0, 0.0, True)])
-def test_a_motion_of_the_strain_is_predicted_no_further_than_a_crossing_in_haste(
+def test_a_motion_of_the_strain_is_predicted_no_further_than_a_usual_crossing_takes(
         made, force, own_rate, recruited):
     """Where the limit falls by 100 N/s and the demand rests, there is no patience."""
     machine = Machine(made(), 1)
