@@ -122,15 +122,17 @@ def turn_round(state: Any, rate: float, error: float, lag: float, dt: float) -> 
     >>> [turn_round(state, rate, -3.0, 0.02, 4e-3) for rate in (-0.1, -0.1)]
     [5.0, 0.0]
     """
-    if rate == 0.0:
+    heading = 0 if rate == 0.0 else 1 if rate > 0.0 else -1
+    if heading == state.heading != 0:
+        return 0.0
+    if state.heading == state.side != 0:
+        # The motion followed the reference until now: the demand contains its error.
+        state.reckoned = state.low if state.side > 0 else state.high
+    state.heading = heading
+    if heading == 0:
         # At rest friction may take any value in the band: follow the observed error.
-        state.heading = 0
         state.reckoned += low_pass(dt, lag) * (error - state.reckoned)
         return 0.0
-    heading = 1 if rate > 0.0 else -1
-    if heading == state.heading:
-        return 0.0
-    state.heading = heading
     # Friction dissipates: the pull is smaller while the strain rises.
     level = min(state.reckoned, state.low) if heading > 0 else max(state.reckoned, state.high)
     way = level - state.reckoned

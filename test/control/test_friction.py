@@ -91,6 +91,25 @@ def test_friction_is_asked_for_at_turns_only():
     assert turned(state, 0.1, 10.0, 1.0) == 0.0
 
 
+def test_a_reversal_without_rest_takes_the_whole_band():
+    """Also where the model has missed 10 N more, both ways, since the reversal before."""
+    state = seen((1, -3.0), (-1, 3.0))
+    turned(state, -0.1, 3.0)
+    for _ in range(200):
+        learn_friction(state, -1, 13.0, 0.0, LAG, DT)
+    assert turned(state, 0.1, 13.0) == pytest.approx(-6.0, abs=0.05)
+
+
+def test_a_tick_of_rest_between_motions_does_not_count():
+    """A sampled sine has a rate of exactly zero at its peak."""
+    state = seen((1, -3.0), (-1, 3.0))
+    turned(state, -0.1, 3.0)
+    for _ in range(200):
+        learn_friction(state, -1, 13.0, 0.0, LAG, DT)
+    assert turned(state, 0.0, 13.0) == 0.0
+    assert turned(state, 0.1, 13.0) == pytest.approx(-6.0, abs=0.05)
+
+
 def test_what_gives_energy_is_no_friction():
     """A model that misses more while the strain rises than while it falls lacks something else."""
     state = seen((1, 3.0), (-1, -3.0))
