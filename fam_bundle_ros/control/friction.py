@@ -32,6 +32,9 @@ class FrictionState:
     ----------
     low, high : float, N
         Error of the model while the strain rises, and while it falls.
+    rise, drop : float, N
+        Difference of the two at the last reversal downwards, and upwards: friction may differ
+        between the ends of a motion.
     reckoned : float, N
         Error for which the demand is corrected.
     side : int
@@ -45,6 +48,8 @@ class FrictionState:
     low: float = 0.0
     high: float = 0.0
     reckoned: float = 0.0
+    rise: float = 0.0
+    drop: float = 0.0
     side: int = 0
     moving: int = 0
     heading: int = 0
@@ -54,6 +59,7 @@ class FrictionState:
 def forget_friction(state: Any) -> None:
     """Reset."""
     state.low = state.high = state.reckoned = state.since = 0.0
+    state.rise = state.drop = 0.0
     state.side = state.moving = state.heading = 0
 
 
@@ -98,9 +104,11 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
     elif state.side == 0:
         state.low = state.high = error
     elif direction > 0:
-        state.low, state.high = error, max(state.high, error)
+        state.drop = max(state.high - error, 0.0)
+        state.low, state.high = error, error + (state.rise if state.rise > 0.0 else state.drop)
     else:
-        state.low, state.high = min(state.low, error), error
+        state.rise = max(error - state.low, 0.0)
+        state.low, state.high = error - (state.drop if state.drop > 0.0 else state.rise), error
     state.side = direction
 
 

@@ -100,6 +100,16 @@ def test_a_reversal_without_rest_takes_the_whole_band():
     assert turned(state, 0.1, 13.0) == pytest.approx(-6.0, abs=0.05)
 
 
+def test_friction_may_differ_between_the_ends_of_a_motion():
+    """10 N at the upper end and 4 N at the lower: each reversal takes that of its own end."""
+    state = seen((1, -3.0), (-1, 7.0), (-1, 1.0), (1, -3.0), duration=0.5)
+    turned(state, 0.0, -3.0, 0.5)
+    assert turned(state, -0.1, -3.0) == pytest.approx(10.0, abs=0.05)
+    for _ in range(200):
+        learn_friction(state, -1, 7.0, 0.0, LAG, DT)
+    assert turned(state, 0.1, 7.0) == pytest.approx(-4.0, abs=0.05)
+
+
 def test_a_tick_of_rest_between_motions_does_not_count():
     """A sampled sine has a rate of exactly zero at its peak."""
     state = seen((1, -3.0), (-1, 3.0))
