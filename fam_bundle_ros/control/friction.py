@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from fam_bundle_ros.control.observer import low_pass
+from fam_bundle_ros.control.observer import low_pass, shrink
 
 #: Settling time of an error to 5 %, in lags of the observer.
 _SETTLED = 3.0
@@ -90,6 +90,8 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
     state.moving = direction
     if state.since < _SETTLED * lag:
         return
+    # Variance of a difference of two errors, at the significance threshold.
+    doubt = 2.0 * (_SURELY * noise) ** 2
     if direction == 0:
         if state.side != 0:
             state.low = min(state.low, error + _SURELY * noise)
@@ -104,10 +106,10 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
     elif state.side == 0:
         state.low = state.high = error
     elif direction > 0:
-        state.drop = max(state.high - error, 0.0)
+        state.drop = shrink(0.0, max(state.high - error, 0.0), doubt)
         state.low, state.high = error, error + (state.rise if state.rise > 0.0 else state.drop)
     else:
-        state.rise = max(error - state.low, 0.0)
+        state.rise = shrink(0.0, max(error - state.low, 0.0), doubt)
         state.low, state.high = error - (state.drop if state.drop > 0.0 else state.rise), error
     state.side = direction
 

@@ -65,6 +65,15 @@ def test_a_load_that_changes_and_moves_nothing_shows_friction():
     assert seen((0, 2.0), (0, -2.0)).high == 0.0
 
 
+@pytest.mark.parametrize('first', [1, -1])
+@pytest.mark.parametrize(('noise', 'friction'), [(0.2, 0.0), (0.0, 0.3)])
+def test_a_difference_within_the_noise_is_no_friction(first, noise, friction):
+    """Else each reversal would add noise to the demand."""
+    state = seen((first, -0.3 * first), (-first, 0.3 * first), noise=noise)
+    turned(state, 0.0, 0.3 * first, 0.5)
+    assert turned(state, 0.1 * first, 0.3 * first) == pytest.approx(-2.0 * friction * first)
+
+
 def test_a_twitch_teaches_nothing():
     """Shorter than three lags, the error is still that of before."""
     state = seen((1, -3.0))
