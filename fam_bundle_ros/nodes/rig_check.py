@@ -28,6 +28,9 @@ _HIGHEST = 1.5e6
 _AMBIENT = 0.15
 #: Force (N) and strain below which neither sign nor unit can be determined.
 _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
+#: Force with which a vented bundle at most pushes back when it is pressed together, N: the default
+#: of `force_low`.
+_PUSH = 200.0
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
 _MOST_UNITS = 64
@@ -272,10 +275,13 @@ def _judge_force(middle: float, noise: float) -> Finding:
     if abs(middle) < _LITTLE_FORCE:
         return Finding(True, 'force unit and sign', f'{seen}; cannot be determined at rest: pull '
                        'with a known weight, and see the same positive value in N', note=True)
-    ok = 0.0 < middle < 5000.0
-    return Finding(ok, 'force sign' if ok else 'force unit and sign', seen + (
-        '; whether it is N cannot be determined: compare with a known weight' if ok else
-        '; expected N, tension positive: is the sign or the unit wrong?'), note=ok)
+    if not -_PUSH < middle < 5000.0:
+        return Finding(False, 'force unit and sign', f'{seen}; expected N, tension positive: is '
+                       'the sign or the unit wrong?')
+    return Finding(True, 'force sign', f'{seen}; whether it is N cannot be determined: compare '
+                   'with a known weight' if middle > 0.0 else f'{seen}: right only if the bundle '
+                   'is pressed together; pull with a known weight, and see the same positive '
+                   'value in N', note=True)
 
 
 def _judge_strain(middle: float, noise: float) -> Finding:

@@ -24,7 +24,12 @@ from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recording import record
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
-from fam_bundle_ros.nodes.rig_check import _judge_latency, _judge_values, check_rig
+from fam_bundle_ros.nodes.rig_check import (
+    _judge_force,
+    _judge_latency,
+    _judge_values,
+    check_rig,
+)
 from fam_bundle_ros.nodes.rig_parameters import LOAD, pressure_parameters, RIG, rig_config
 from fam_bundle_ros.nodes.session import _parameters, run_trajectory
 from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, rig_for, SensorConfig
@@ -319,7 +324,7 @@ def check_driver(domain_id, force, strain, stamp, pressure, **options):
 
 def test_check_rig_says_what_is_wrong(domain_id):
     """Gauge pressure, strain in %, no stamps, nobody at the valves, no MU2: one finding each."""
-    findings = check_driver(domain_id, -80.0, 12.0, 0, 20e3, units=2, patience=5.0)
+    findings = check_driver(domain_id, -800.0, 12.0, 0, 20e3, units=2, patience=5.0)
     wrong = {f.what: f.detail for f in findings if not f.ok}
     assert 'zero or go backwards' in wrong['force stamps']
     assert 'tension positive' in wrong['force unit and sign']
@@ -330,6 +335,12 @@ def test_check_rig_says_what_is_wrong(domain_id):
     assert 'e_stop' in wrong
     latency = next(f for f in findings if f.what == 'mu1/pressure latency')
     assert ' ms, jitter ' in latency.detail
+
+
+def test_a_vented_bundle_that_is_pressed_together_does_not_fail_the_check():
+    """It pushes back, so the force is negative; a failure would refuse `check-rig --active`."""
+    finding = _judge_force(-32.0, 0.4)
+    assert (finding.verdict, 'pressed together' in finding.detail) == ('note', True), finding
 
 
 @pytest.mark.parametrize(('latency', 'verdict', 'text'), [
