@@ -314,8 +314,12 @@ class PressurePidNode(BundleNode):
         A reading that is not new is used for the over-pressure check only.
         """
         guard, watch, setpoint = self._guard, self._watch, self._setpoint
-        health = (watch.check(now) if pressure is None or not new
-                  else watch.see(now, pressure, self._must_move(now, pressure), latency))
+        if pressure is None:
+            health = watch.check(now)
+        elif new:
+            health = watch.see(now, pressure, self._must_move(now, pressure), latency)
+        else:
+            health = watch.check(now, 'new time stamp')
         self._look_for_latches(now, pressure)
         if pressure is not None and new and health == Health.GOOD:
             cause, reason = self._air.impossible(self._answered * 1e-9, pressure, self._gap)
@@ -344,8 +348,15 @@ class PressurePidNode(BundleNode):
         if cause:
             guard.latch(now, cause, reason)
         if not agrees:
-            return -1.0 if guard.latched else self._hold(
-                now, f'mu{self.unit} waits for the supply: {reason}')
+            reason = f'mu{self.unit} waits for the supply: {reason}'
+            if guard.latched:
+                return -1.0
+            if not self._air.starts(now):
+                return self._hold(now, reason)
+            # An exhaust would fill through a reversed valve once the supply is there.
+            guard.enter(now, State.HOLD, 'HOLD', reason)
+            self._air.inflow.be_gentle()
+            return 0.0
         guard.enter(now, State.ACTIVE)
         return self._air.inflow.forced
 

@@ -338,6 +338,7 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
     assert (node._guard.word, commands[-1]) == (state, -1.0)
     if event == 'stamp':
         assert 0.0 in commands
+        assert 'no new time stamp' in node._guard.now.reason
 
 
 @pytest.mark.parametrize('noise', [0.0, 400.0])

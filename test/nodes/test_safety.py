@@ -15,6 +15,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool
 import yaml
 
+from fam_bundle_ros.control.plausibility import GENTLE
 from fam_bundle_ros.control.safety import Health
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
@@ -206,6 +207,21 @@ def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
     graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
     assert enabled(graph)[0]
     vented(graph, rig)
+
+
+@pytest.mark.parametrize('supply', [True, False])
+def test_no_valve_exhausts_widely_while_the_supply_rises(graph, rig, supply, capfd):
+    """After `enable`: a reversed valve would fill. Nor is the wait of a usual start warned of."""
+    rig = rig(enable=False, supply=supply)
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
+    graph.spin(0.5)
+    commands = graph.listen(interface.valve_topic(1), JointState)
+    assert enabled(graph)[0]
+    graph.until(lambda: max(rig.rig.truth.pressure) > 20e3, 'air')
+    sent = [message.effort[0] for message in commands]
+    allowed = next(k for k, command in enumerate(sent) if command > -1.0)
+    assert min(sent[allowed:]) >= -GENTLE
+    assert 'waits for the supply' not in ''.join(capfd.readouterr())
 
 
 def test_enable_names_what_speaks_against_it(graph, rig):
