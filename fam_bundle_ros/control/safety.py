@@ -68,7 +68,7 @@ def trip_pressure(max_pressure: float, factor: float = OVER_PRESSURE_FACTOR) -> 
 def kilopascals(pressure: float) -> str:
     """Return a pressure (Pa) as text in kPa, short for any size."""
     value = pressure / 1e3
-    return f'{value:.0f} kPa' if abs(value) < 1e5 else f'{value:.3g} kPa'
+    return f'{round(value)} kPa' if abs(value) < 1e5 else f'{value:.3g} kPa'
 
 
 class State(Enum):

@@ -246,7 +246,7 @@ class RecruitmentNode(BundleNode):
             age = time.monotonic() - last
             if age > limit:
                 self.say('reference', f'the reference came {age:.2f} s ago; at most {limit:g} s '
-                         'is taken: vented')
+                         'is taken: pressures ramp down')
                 self._forget_reference('NO_REFERENCE')
                 return State.READY, 'NO_REFERENCE'
         return None
