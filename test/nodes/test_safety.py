@@ -27,6 +27,8 @@ from fam_bundle_ros.nodes.supply_enable import SupplyEnable
 from fam_bundle_ros.plant import Dynamometer, Rig, RigConfig, SupplyConfig
 from fam_bundle_ros.resources import config_path
 
+from .whole_bundle import warnings_of
+
 PERIOD = 5e-3
 AMBIENT = 101325.0
 TRIP = 396.4e3
@@ -244,6 +246,19 @@ def test_enable_names_what_speaks_against_it(graph, rig):
     assert 'mu2 is at 500 kPa, above 396 kPa' in enabled(graph)[1]
     graph.spin(0.3)
     assert set(rig.leaves) == {False}
+
+
+def test_air_that_no_latch_lets_out_is_told(graph, rig, capfd):
+    """A valve hangs open and the supply does not shut: the log must not end with `vented`."""
+    rig = rig(lambda t: 60.0)
+    graph.until(lambda: max(rig.rig.truth.pressure) > 150e3, 'pressure')
+    open_supply = rig.rig.open_supply
+    rig.rig.open_supply = lambda given: open_supply(True)
+    rig.valves = lambda commands: [1.0, commands[1]]
+    warned = warnings_of(graph)
+    graph.until(lambda: warned('s of exhaust: shut the supply by hand'), 'the warning')
+    assert rig.node._guard.latched
+    assert 's of exhaust: shut the supply by hand' in ''.join(capfd.readouterr())
 
 
 @pytest.mark.parametrize('silent', ['force', 'strain'])
