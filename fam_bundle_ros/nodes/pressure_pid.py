@@ -357,15 +357,8 @@ class PressurePidNode(BundleNode):
         if cause:
             guard.latch(now, cause, reason)
         if not agrees:
-            reason = f'mu{self.unit} waits for the supply: {reason}'
-            if guard.latched:
-                return -1.0
-            if not self._air.starts(now):
-                return self._hold(now, reason)
-            # An exhaust would fill through a reversed valve once the supply is there.
-            guard.enter(now, State.HOLD, 'HOLD', reason)
-            self._air.inflow.be_gentle()
-            return 0.0
+            return -1.0 if guard.latched else self._wait_for_supply(
+                now, f'mu{self.unit} waits for the supply: {reason}')
         guard.enter(now, State.ACTIVE)
         return self._air.inflow.forced
 
@@ -377,6 +370,14 @@ class PressurePidNode(BundleNode):
                               f'above {kilopascals(limit)}')
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
+
+    def _wait_for_supply(self, now: float, reason: str) -> float:
+        if not self._air.starts(now):
+            return self._hold(now, reason)
+        # An exhaust would fill through a reversed valve once the supply is there.
+        self._guard.enter(now, State.HOLD, 'HOLD', reason)
+        self._air.inflow.be_gentle()
+        return 0.0
 
     def _hold(self, now: float, reason: str) -> float:
         last = self._guard.now
