@@ -28,9 +28,9 @@ _HIGHEST = 1.5e6
 _AMBIENT = 0.15
 #: Force (N) and strain below which neither sign nor unit can be determined.
 _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
-#: Force with which a vented bundle at most pushes back when it is pressed together, N: the default
-#: of `force_low`.
-_PUSH = 200.0
+#: Force with which a vented bundle at most pushes back when it is pressed together, N: a reading
+#: below is taken as a broken sensor (`force_low` of config/rig.yaml).
+_PUSH = 50.0
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
 _MOST_UNITS = 64

@@ -324,7 +324,7 @@ def check_driver(domain_id, force, strain, stamp, pressure, **options):
 
 def test_check_rig_says_what_is_wrong(domain_id):
     """Gauge pressure, strain in %, no stamps, nobody at the valves, no MU2: one finding each."""
-    findings = check_driver(domain_id, -800.0, 12.0, 0, 20e3, units=2, patience=5.0)
+    findings = check_driver(domain_id, -80.0, 12.0, 0, 20e3, units=2, patience=5.0)
     wrong = {f.what: f.detail for f in findings if not f.ok}
     assert 'zero or go backwards' in wrong['force stamps']
     assert 'tension positive' in wrong['force unit and sign']
