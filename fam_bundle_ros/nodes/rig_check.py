@@ -24,6 +24,8 @@ from fam_bundle_ros.nodes.recording import matching_qos
 _ABSOLUTE = 50e3
 #: Largest pressure, Pa gauge.
 _HIGHEST = 1.5e6
+#: Units in which pressures are sent by mistake, Pa.
+_UNITS = {'kPa': 1e3, 'bar': 1e5, 'mbar': 100.0, 'psi': 6894.76, 'MPa': 1e6}
 #: Tolerance of a reading of ambient pressure, as a share: weather, altitude, sensor offset.
 _AMBIENT = 0.15
 #: Force (N) and strain below which neither sign nor unit can be determined.
@@ -297,11 +299,13 @@ def _judge_strain(middle: float, noise: float) -> Finding:
 def _judge_pressure(name: str, middle: float, noise: float, ambient: float,
                     gauge: bool) -> Finding:
     what, seen = f'{name} unit', f'{middle / 1e3:.1f} kPa, noise {noise / 1e3:.2f} kPa'
-    kilo = abs(middle - ambient / 1e3) < _AMBIENT * ambient / 1e3
-    if (kilo or name == interface.SUPPLY and 50.0 < middle < 3e3) and noise < 10.0:
+    unit = next((unit for unit, scale in _UNITS.items()
+                 if abs(scale * middle - ambient) < _AMBIENT * ambient),
+                'kPa' if name == interface.SUPPLY and 50.0 < middle < 3e3 else '')
+    if unit and noise < 0.1 * middle:
         # A gauge reading in Pa would hardly have this offset and so little noise.
-        return Finding(False, what, f'{middle:.1f}, noise {noise:.2f}: looks like kPa, expected '
-                       'Pa')
+        return Finding(False, what, f'{middle:.4g}, noise {noise:.2g}: looks like {unit}, '
+                       'expected Pa')
     if gauge:
         if abs(middle - ambient) < _AMBIENT * ambient:
             return Finding(False, what, f'{seen}: looks absolute; leave out --gauge and '

@@ -356,6 +356,8 @@ def test_check_rig_shows_latency_and_whether_the_clocks_agree(latency, verdict, 
 
 @pytest.mark.parametrize(('pressure', 'gauge', 'verdict', 'text'), [
     (101.3, False, 'FAIL', 'looks like kPa, expected Pa'),
+    (1.013, False, 'FAIL', 'looks like bar, expected Pa'),
+    (14.7, True, 'FAIL', 'looks like psi, expected Pa'),
     (180.0, False, 'FAIL', 'pressure_is_gauge'),
     (180.0, True, 'note', 'cannot be determined at rest'),
     (150e3, True, 'ok', '150.0 kPa, noise 0.00 kPa gauge'),
