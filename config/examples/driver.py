@@ -7,6 +7,7 @@ import time
 
 from geometry_msgs.msg import WrenchStamped
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -37,7 +38,7 @@ class Driver(Node):
     def __init__(self, board, **options):
         super().__init__('driver', namespace='bundle', **options)
         self.board, self.stopped = board, None
-        self.commands, self.enabled = [(-1.0, 0)] * UNITS, (False, 0.0)
+        self.commands, self.enabled = [(-1.0, 0.0)] * UNITS, (False, 0.0)
         units = [f'mu{i + 1}' for i in range(UNITS)]
         self.force = self.create_publisher(WrenchStamped, 'force', 10)
         self.strain = self.create_publisher(JointState, 'strain', 10)
@@ -49,15 +50,16 @@ class Driver(Node):
             self.create_subscription(JointState, f'{unit}/valve_command',
                                      lambda message, i=i: self.on_valve(i, message), 1)
         self.create_subscription(Bool, 'supply_enable', self.on_enable, 1)
-        self.create_timer(1.0 / RATE, self.tick)
+        # Ages and timer by the steady clock: ROS time may be set back, or stand still.
+        self.create_timer(1.0 / RATE, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def on_valve(self, i, message):
         """Take a command, with the time from which it counts."""
         if len(message.effort) == 1 and -1.0 <= message.effort[0] <= 1.0:
             stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            age = (self.get_clock().now().nanoseconds - stamp) * 1e-9
             # A stamp of the future (another clock) counts from now.
-            now = self.get_clock().now().nanoseconds
-            self.commands[i] = message.effort[0], min(stamp, now)
+            self.commands[i] = message.effort[0], time.monotonic() - max(age, 0.0)
 
     def on_enable(self, message):
         """Take leave to open the supply, or its end."""
@@ -65,14 +67,14 @@ class Driver(Node):
 
     def tick(self):
         """Tell the board what it may do, and publish what it reads."""
-        now = self.get_clock().now()
+        now, steady = self.get_clock().now(), time.monotonic()
         force, contraction, pressures, button = self.board.read()
         # Before all publishing: that can take long while another process stands still.
         allowed, heard = self.enabled
-        supply = allowed and not button and time.monotonic() - heard <= SUPPLY_TIMEOUT
+        supply = allowed and not button and steady - heard <= SUPPLY_TIMEOUT
         self.board.write(supply, [
-            command if supply and now.nanoseconds - stamp <= COMMAND_TIMEOUT * 1e9 else -1.0
-            for command, stamp in self.commands])
+            command if supply and steady - since <= COMMAND_TIMEOUT else -1.0
+            for command, since in self.commands])
         wrench, joint = WrenchStamped(), JointState(name=['contraction'])
         wrench.header.stamp = joint.header.stamp = now.to_msg()
         wrench.header.frame_id, wrench.wrench.force.x = 'load_cell', float(force)

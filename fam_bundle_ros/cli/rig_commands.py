@@ -72,14 +72,15 @@ def run(
         *(_pressures(model or PAPER).items() if suited else ()),
         ('simulate', 'false' if rig else None))
         if value is not None for item in ('-p', f'{name}:={value}')]
-    given = ['--params-file', str(params_file)] if params_file else []
+    # in front: of two values of a parameter ROS takes the last
+    given = ['--ros-args', '--params-file', str(params_file), '--'] if params_file else []
     # if a parameter file or --ros-args may name another model, the nodes log it
     if model is not None or not (given or any('model' in word or 'params-file' in word
                                               for word in context.args)):
         show_muscle(open_model(model or PAPER), model is not None)
-    arguments = ['fam_bundle run', *context.args]
-    if own or given:
-        arguments += ['--ros-args', *given, *own, '--']
+    arguments = ['fam_bundle run', *given, *context.args]
+    if own:
+        arguments += ['--ros-args', *own, '--']
     console.print(f"running on {'a real' if rig else 'a simulated'} rig; Ctrl-C vents and stops")
     raise typer.Exit(bundle_bringup.main(arguments))
 

@@ -152,11 +152,11 @@ class InflowWatch:
     def begin(self) -> None:
         """Reset: the sensor is on trial again."""
         self.holding = self.trusted = self._failed = False
-        self.gentle = True
         self._commands: deque[tuple[float, float]] = deque(maxlen=_PLACES)
         self._time: float | None = None
         #: s; a gap between readings counts as one period: a stalled rig executes no commands.
         self._clock = 0.0
+        self.be_gentle()
         self._before = 0.0
         self._volume: float | tuple[float, float] = math.nan
         #: Lowest and highest possible reading, Pa, for each delay.
@@ -169,6 +169,10 @@ class InflowWatch:
         self._expected = 0.0
         self._response.begin()
         self._begin_trial()
+
+    def be_gentle(self) -> None:
+        """Count the time of limited exhausts from now: before, the valve was shut."""
+        self.gentle, self._gentle_until = True, self._clock + _GENTLE_TIME
 
     @property
     def forced(self) -> float | None:
@@ -226,7 +230,7 @@ class InflowWatch:
         self._time = time
         surely = min(dt, max(self.config.period, _INTERVAL))
         self._clock += surely
-        self.gentle = self._clock < _GENTLE_TIME
+        self.gentle = self._clock < self._gentle_until
         small, large = volume if isinstance(volume, tuple) else (volume, volume)
         # m^3, by which the muscle's motion has changed the volume.
         swept = (volume - self._volume if isinstance(volume, float)

@@ -68,7 +68,7 @@ def trip_pressure(max_pressure: float, factor: float = OVER_PRESSURE_FACTOR) -> 
 def kilopascals(pressure: float) -> str:
     """Return a pressure (Pa) as text in kPa, short for any size."""
     value = pressure / 1e3
-    return f'{value:.0f} kPa' if abs(value) < 1e5 else f'{value:.3g} kPa'
+    return f'{round(value)} kPa' if abs(value) < 1e5 else f'{value:.3g} kPa'
 
 
 class State(Enum):
@@ -305,7 +305,8 @@ class SensorWatch:
         self._out = False
         self._value = math.nan
         self._moving = 0.0
-        self._fault = ''
+        #: What is wrong with the last reading, and with the last time it was not good, as text.
+        self._fault = self._lost = ''
         #: Since when every reading has been late; one after a stall does not show a clock error.
         self._late_since: float | None = None
         self._stuck = False
@@ -375,8 +376,8 @@ class SensorWatch:
         """Reset the count of exact repeats: the user has accepted this reading."""
         self._moving = 0.0
 
-    def check(self, now: float) -> Health:
-        """Update and return the health; call it also while no reading arrives."""
+    def check(self, now: float, awaited: str = 'reading') -> Health:
+        """Update and return the health; call it also while nothing ``awaited`` arrives."""
         self._notice_reset(now)
         config = self.config
         if self._seen is None:
@@ -384,9 +385,10 @@ class SensorWatch:
         reason = self._fault
         silence = now - self._seen
         if silence > config.timeout:
-            late = f'no reading for {silence:.2f} s'
+            late = f'no {awaited} for {silence:.2f} s'
             reason = f'{reason}; {late}' if reason else f'{self.name}: {late}'
         if reason:
+            self._lost = reason
             self._good_since = None
             start = self._good if self._good is not None else self._seen
             self._good = start
@@ -399,7 +401,7 @@ class SensorWatch:
             if self._out and now - self._good_since >= config.recovery_time:
                 self._out = False
             if self._out:
-                reason = f'{self.name} is back, but not yet for {config.recovery_time:g} s'
+                reason = f'{self._lost}; good again, but not yet for {config.recovery_time:g} s'
         self.reason = reason
         self.health = (Health.VENT if self._out else Health.HOLD) if reason else Health.GOOD
         return self.health
@@ -412,7 +414,7 @@ class SensorWatch:
 
 def _late_text(name: str, latency: float, most: float) -> str:
     if latency > 1e6:
-        return f'{name} carries no time stamp'
+        return f'{name} has no time stamp, or one of another clock than ROS time'
     if latency < -1e6:
         return (f'{name} is stamped {-latency:.3g} s in the future: is use_sim_time on, and '
                 'nobody publishes /clock?')

@@ -46,7 +46,7 @@ LISTENER = (
          'absolute by definition'),
 )
 #: Hint for a pressure that, as an absolute one, would be far below a vacuum.
-GAUGE = 'does the driver send gauge pressure? Then pressure_is_gauge'
+GAUGE = 'does the driver send gauge pressure (then pressure_is_gauge) or another unit than Pa?'
 #: Parameters of the nodes that act on what a rig sends.
 LATENCY = (
     Spec('clocks_synchronised', True, 'the clocks of rig and controllers agree: readings that are '

@@ -7,14 +7,17 @@ from collections.abc import Mapping
 from fam_bundle_ros.control import Reference
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
 
-#: Longest duration of a transient error, s.
+#: Time for which errors last longer than they are absent, beyond that of a transient, s.
 _PATIENCE = 2.0
 _UNITS = {'force': ' N', 'strain': ''}
 
 
 class OffTarget:
     """
-    Notices a reference that is not reached for longer than a transient takes.
+    Notices a reference that is missed for longer than a transient takes.
+
+    The time on target is subtracted: a reference that moves crosses a wrong reading again and
+    again.
 
     Parameters
     ----------
@@ -36,7 +39,8 @@ class OffTarget:
 
     def reset(self) -> None:
         """Start again, without a reference."""
-        self._since: float | None = None
+        self._seen: float | None = None
+        self._missed = self._since = 0.0
         #: Which quantity is off its reference, as text; empty for none.
         self.text = ''
 
@@ -58,14 +62,15 @@ class OffTarget:
             return
         value = measured[kind]
         # nan is not an error here: the sensor watch reports it.
-        if not abs(value - reference.value) > self._limits[kind]:
-            self.reset()
-            return
-        if self._since is None or now < self._since:
-            self._since = now
-        if now - self._since >= _PATIENCE:
-            self.text = (f'{kind} is {value:.3g}, reference is {reference.value:.3g}'
-                         f'{_UNITS[kind]}, for {now - self._since:.1f} s')
+        off = abs(value - reference.value) > self._limits[kind]
+        passed = 0.0 if self._seen is None else max(now - self._seen, 0.0)
+        self._seen = now
+        if self._missed == 0.0:
+            self._since = now - passed
+        self._missed = min(max(self._missed + (passed if off else -passed), 0.0), _PATIENCE)
+        self.text = (f'{kind} is {value:.3g}, reference is {reference.value:.3g}'
+                     f'{_UNITS[kind]}, for {now - self._since:.1f} s'
+                     ) if off and self._missed >= _PATIENCE else ''
 
 
 class ReferenceTally:

@@ -219,7 +219,7 @@ class Oversight:
             self._force_watch.begin()
         elif self.readable and (wrong := self._force_watch.see(
                 self._clock(), sample.force, sample.strain, sample.pressure, off_target)):
-            self.latch(FORCE, wrong)
+            self.latch(FORCE, f'{wrong}: pressure sensor, load cell, or a wrong model?')
         if self._clock() - self._enabled_at > _HEAR:
             for unit in range(self._n):
                 if latched := self.loops.latched(unit):
@@ -293,16 +293,28 @@ class Oversight:
             elif pressure > limit:
                 reasons.append(f'mu{unit + 1} is at {kilopascals(pressure)}, above '
                                f'{kilopascals(limit)}')
-            elif exhausted > _EXHAUSTED and pressure > limit - self._limit[unit]:
-                # A sensor with so large an offset could hide a pressure above the trip.
-                hint = ('is it absolute? Then pressure_is_gauge is wrong'
-                        if node.p['pressure_is_gauge'] else 'sensor, unit or exhaust?')
-                reasons.append(f'mu{unit + 1} shows {kilopascals(pressure)} after '
-                               f'{exhausted:.1f} s of exhaust: {hint}')
+            elif full := self._still_full(unit, exhausted):
+                reasons.append(full)
             elif (why := self.loops.latched(unit)) and pressure > _EMPTY * self._limit[unit]:
                 reasons.append(f'mu{unit + 1} is latched ({why}) and still shows '
                                f'{kilopascals(pressure)}')
         return '; '.join(reasons or self.force_contradiction())
+
+    def still_full(self, exhausted: float) -> list[str]:
+        """Return the motor units that an exhaust of so many seconds has not emptied, as text."""
+        return [text for unit in range(self._n) if self.watches[2 + unit].health == Health.GOOD
+                and (text := self._still_full(unit, exhausted))]
+
+    def _still_full(self, unit: int, exhausted: float) -> str:
+        # A sensor with so large an offset could hide a pressure above the trip.
+        pressure, limit = self.pressure[unit], self._trip(unit)
+        if not (exhausted > _EXHAUSTED and pressure > limit - self._limit[unit]):
+            return ''
+        hint = ('shut the supply by hand' if pressure > limit else
+                'is it absolute? Then pressure_is_gauge is wrong'
+                if self._node.p['pressure_is_gauge'] else 'sensor, unit or exhaust?')
+        return (f'mu{unit + 1} shows {kilopascals(pressure)} after {exhausted:.1f} s of exhaust: '
+                f'{hint}')
 
     def force_contradiction(self) -> list[str]:
         """Return why the force contradicts pressures below the trip."""

@@ -106,6 +106,10 @@ class Air:
         return self.inflow.see(time, pressure, self._volumes.ends if volume is None else volume,
                                self.supply.value(self._patience)[0], gap)
 
+    def starts(self, now: float) -> bool:
+        """Whether the supply may still be rising after `begin`."""
+        return now - self._begun < _SUPPLY_START
+
     def supply_agrees(self, now: float) -> tuple[bool, str, str]:
         """
         Return whether the supply has its pressure, and cause and reason if it has not.
@@ -116,7 +120,7 @@ class Air:
         supply = self.supply.value(self._patience)[0]
         if not math.isfinite(supply):
             return since > _SUPPLY_UNSEEN, '', f'not measured, it gets {_SUPPLY_UNSEEN:g} s'
-        agrees = watch.see(now, supply, _SUPPLY_START if since < _SUPPLY_START else None)
+        agrees = watch.see(now, supply, _SUPPLY_START if self.starts(now) else None)
         return agrees, SUPPLY if watch.lasts else '', watch.text
 
     def report(self, report: Report) -> float:

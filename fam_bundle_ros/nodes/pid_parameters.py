@@ -30,8 +30,8 @@ SPECS = (
          'compensate the dead band of the valve, and learn its width', dynamic=True),
     Spec('quiet_error', _CONFIG.quiet_error, 'dead zone: smaller errors are not corrected, Pa',
          0.0, 1e5, dynamic=True, guards=True),
-    Spec('setpoint_rate', _CONFIG.setpoint_rate, 'largest rate of the setpoint, Pa/s', 1e3, 1e9,
-         dynamic=True),
+    Spec('setpoint_rate', _CONFIG.setpoint_rate, 'largest rate of the setpoint, Pa/s; a setpoint '
+         'of ambient pressure empties the motor unit without it', 1e3, 1e9, dynamic=True),
     Spec('transport_delay', _CONFIG.transport_delay, 'dead time from a reading through the valve '
          'to the next reading, s', 0.0, 0.5, dynamic=True, guards=True),
     Spec('valve.conductance', _CONFIG.valve.conductance, 'sonic conductance, m^3/(s Pa)',

@@ -87,6 +87,8 @@ class PressurePidNode(BundleNode):
         self._length = bundle.length
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
         self._gaps, self._longest_gap = LongestGap(_GAPS), 0.0
+        #: Whether the setpoint is ambient pressure.
+        self._empties = False
         self.pid = PressurePid(*self._settings())
         self._watch = SensorWatch(f'mu{self.unit} pressure', 'Pa', WatchConfig(
             low=-50e3, high=1.6e6, timeout=p['sensor_timeout'], hold_time=p['hold_time'],
@@ -132,6 +134,10 @@ class PressurePidNode(BundleNode):
     def _settings(self) -> tuple[PidGains, PidConfig]:
         """Return gains and settings, with valve limits that are safe when this loop is delayed."""
         gains, config = settings(self.p)
+        if self._empties:
+            # Air is let out at the rate of the valve, whatever rate the user allows for motion.
+            config = replace(config, setpoint_rate=max(config.setpoint_rate,
+                                                       PidConfig.setpoint_rate))
         if self.lock_step:
             # In lock-step, time stands still while this loop is delayed.
             return gains, config
@@ -290,6 +296,9 @@ class PressurePidNode(BundleNode):
         elif new:
             assert self._setpoint is not None
             setpoint = min(max(self._setpoint[1], 0.0), self._max_pressure)
+            if self._empties is not (setpoint == 0.0):
+                self._empties = not self._empties
+                self.pid.gains, self.pid.config = self._settings()
             self._command = float(self.pid.update(setpoint, pressure, dt, *self._air.now()))
             self._rate = self.pid.state.shown.expected_rate
             if self._air.inflow.gentle:
@@ -314,8 +323,12 @@ class PressurePidNode(BundleNode):
         A reading that is not new is used for the over-pressure check only.
         """
         guard, watch, setpoint = self._guard, self._watch, self._setpoint
-        health = (watch.check(now) if pressure is None or not new
-                  else watch.see(now, pressure, self._must_move(now, pressure), latency))
+        if pressure is None:
+            health = watch.check(now)
+        elif new:
+            health = watch.see(now, pressure, self._must_move(now, pressure), latency)
+        else:
+            health = watch.check(now, 'new time stamp')
         self._look_for_latches(now, pressure)
         if pressure is not None and new and health == Health.GOOD:
             cause, reason = self._air.impossible(self._answered * 1e-9, pressure, self._gap)
@@ -344,7 +357,7 @@ class PressurePidNode(BundleNode):
         if cause:
             guard.latch(now, cause, reason)
         if not agrees:
-            return -1.0 if guard.latched else self._hold(
+            return -1.0 if guard.latched else self._wait_for_supply(
                 now, f'mu{self.unit} waits for the supply: {reason}')
         guard.enter(now, State.ACTIVE)
         return self._air.inflow.forced
@@ -357,6 +370,14 @@ class PressurePidNode(BundleNode):
                               f'above {kilopascals(limit)}')
         if cause := self._watch.cause:
             self._guard.latch(now, cause, self._watch.reason)
+
+    def _wait_for_supply(self, now: float, reason: str) -> float:
+        if not self._air.starts(now):
+            return self._hold(now, reason)
+        # An exhaust would fill through a reversed valve once the supply is there.
+        self._guard.enter(now, State.HOLD, 'HOLD', reason)
+        self._air.inflow.be_gentle()
+        return 0.0
 
     def _hold(self, now: float, reason: str) -> float:
         last = self._guard.now
@@ -416,7 +437,7 @@ class PressurePidNode(BundleNode):
             report.add(ERROR if urgent else WARN, f'{self._guard.word} {now.reason}'.strip())
             return
         supply = self._air.report(report)
-        if self._setpoint and self._setpoint[1] > supply:
+        if self._setpoint and self._setpoint[1] > supply + _NOTABLE:
             report.add(WARN, f'supply at {kilopascals(supply)}, below the setpoint of '
                        f'{kilopascals(self._setpoint[1])}')
         elif self._off.lasted > _SETTLING:

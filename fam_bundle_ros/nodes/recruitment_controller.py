@@ -246,7 +246,7 @@ class RecruitmentNode(BundleNode):
             age = time.monotonic() - last
             if age > limit:
                 self.say('reference', f'the reference came {age:.2f} s ago; at most {limit:g} s '
-                         'is taken: vented')
+                         'is taken: pressures ramp down')
                 self._forget_reference('NO_REFERENCE')
                 return State.READY, 'NO_REFERENCE'
         return None
@@ -384,6 +384,9 @@ class RecruitmentNode(BundleNode):
             text = f'{now.reason}: off until enabled again' if self._guard.latched else (
                 '; '.join(filter(None, (off, self._oversight.unreadable))))
             report.add(ERROR if urgent else WARN, f'{self._guard.word} {text}'.strip())
+        for text in self._oversight.still_full(self._exhausted):
+            report.add(ERROR, text)
+            self.say('still full', text)
         self._oversight.e_stop.report(report)
         report.value('model', self.bundle.name)
         report.value('policy', self.p['policy'])

@@ -24,10 +24,15 @@ from fam_bundle_ros.nodes.recording import matching_qos
 _ABSOLUTE = 50e3
 #: Largest pressure, Pa gauge.
 _HIGHEST = 1.5e6
+#: Units in which pressures are sent by mistake, Pa.
+_UNITS = {'kPa': 1e3, 'bar': 1e5, 'mbar': 100.0, 'psi': 6894.76, 'MPa': 1e6}
 #: Tolerance of a reading of ambient pressure, as a share: weather, altitude, sensor offset.
 _AMBIENT = 0.15
 #: Force (N) and strain below which neither sign nor unit can be determined.
 _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
+#: Force with which a vented bundle at most pushes back when it is pressed together, N: a reading
+#: below is taken as a broken sensor (`force_low` of config/rig.yaml).
+_PUSH = 50.0
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
 _MOST_UNITS = 64
@@ -272,10 +277,13 @@ def _judge_force(middle: float, noise: float) -> Finding:
     if abs(middle) < _LITTLE_FORCE:
         return Finding(True, 'force unit and sign', f'{seen}; cannot be determined at rest: pull '
                        'with a known weight, and see the same positive value in N', note=True)
-    ok = 0.0 < middle < 5000.0
-    return Finding(ok, 'force sign' if ok else 'force unit and sign', seen + (
-        '; whether it is N cannot be determined: compare with a known weight' if ok else
-        '; expected N, tension positive: is the sign or the unit wrong?'), note=ok)
+    if not -_PUSH < middle < 5000.0:
+        return Finding(False, 'force unit and sign', f'{seen}; expected N, tension positive: is '
+                       'the sign or the unit wrong?')
+    return Finding(True, 'force sign', f'{seen}; whether it is N cannot be determined: compare '
+                   'with a known weight' if middle > 0.0 else f'{seen}: right only if the bundle '
+                   'is pressed together; pull with a known weight, and see the same positive '
+                   'value in N', note=True)
 
 
 def _judge_strain(middle: float, noise: float) -> Finding:
@@ -291,11 +299,13 @@ def _judge_strain(middle: float, noise: float) -> Finding:
 def _judge_pressure(name: str, middle: float, noise: float, ambient: float,
                     gauge: bool) -> Finding:
     what, seen = f'{name} unit', f'{middle / 1e3:.1f} kPa, noise {noise / 1e3:.2f} kPa'
-    kilo = abs(middle - ambient / 1e3) < _AMBIENT * ambient / 1e3
-    if (kilo or name == interface.SUPPLY and 50.0 < middle < 3e3) and noise < 10.0:
+    unit = next((unit for unit, scale in _UNITS.items()
+                 if abs(scale * middle - ambient) < _AMBIENT * ambient),
+                'kPa' if name == interface.SUPPLY and 50.0 < middle < 3e3 else '')
+    if unit and noise < 0.1 * middle:
         # A gauge reading in Pa would hardly have this offset and so little noise.
-        return Finding(False, what, f'{middle:.1f}, noise {noise:.2f}: looks like kPa, expected '
-                       'Pa')
+        return Finding(False, what, f'{middle:.4g}, noise {noise:.2g}: looks like {unit}, '
+                       'expected Pa')
     if gauge:
         if abs(middle - ambient) < _AMBIENT * ambient:
             return Finding(False, what, f'{seen}: looks absolute; leave out --gauge and '

@@ -103,6 +103,15 @@ def test_run_refuses_what_it_does_not_know(fam_bundle, domain_id):
         assert len(result.stderr.splitlines()) == 1, result.stderr
 
 
+def test_a_parameter_on_the_command_line_of_run_wins_over_the_file(fam_bundle, domain_id,
+                                                                   tmp_path):
+    """`run --rig --params-file my_rig.yaml --ros-args -p rate:=...`: the rate is that of -p."""
+    (tmp_path / 'my_rig.yaml').write_text('/**: {ros__parameters: {rate: -1.0}}')
+    result = fam_bundle('run', '--rig', '--params-file', 'my_rig.yaml', '--ros-args', '-p',
+                        'rate:=-3.0')
+    assert 'rate is -3.0' in result.stderr
+
+
 def test_check_rig_fails_where_there_is_no_rig(fam_bundle, domain_id, monkeypatch):
     """Without a rig in the domain `check-rig` says what it misses and exits with 1."""
     # nothing comes, however long it waits

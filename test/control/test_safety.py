@@ -137,6 +137,15 @@ def test_single_dropouts_do_not_vent(watch):
     assert Health.VENT not in healths
 
 
+def test_what_is_good_again_but_not_yet_for_long_says_what_was_wrong(watch):
+    """A reading that comes and goes, until the bundle latches: the log must name the fault."""
+    feed(watch, 0.0, 0.5, lambda k: 5.0 + k)
+    feed(watch, 0.5, 1.0, lambda k: -90.0)
+    feed(watch, 1.0, 1.05, lambda k: 5.0 + k)
+    assert watch.health == Health.VENT
+    assert watch.reason.startswith('force is -90 N, outside -50 to 500; good again')
+
+
 def test_clock_that_was_set_back_begins_anew(watch):
     """A reading that is bad from a jump back on is held and vented as ever, not held for ever."""
     feed(watch, 100.0, 100.5, lambda k: 10.0 + k)
@@ -165,7 +174,7 @@ def test_stuck_reading_stays_stuck_while_nothing_moves(watch):
     (-2.0, 'force is stamped 2 s in the future: the clocks of rig and controller disagree'),
     (-1.8e9, 'force is stamped 1.8e+09 s in the future: is use_sim_time on, and nobody publishes '
      '/clock?'),
-    (1.8e9, 'force carries no time stamp')])
+    (1.8e9, 'force has no time stamp, or one of another clock than ROS time')])
 def test_late_readings_hold_then_latch(latency, text):
     """A late reading is not used, and readings that stay late are a fault that does not heal."""
     watch = SensorWatch('force', 'N', WatchConfig(-50.0, 500.0, max_latency=0.015))

@@ -105,6 +105,16 @@ def test_valves_do_not_wait_for_what_is_published(graph, example):
     assert len(loop.board.written) == before + 1
 
 
+def test_a_clock_that_stands_still_keeps_no_valve_open(loop):
+    """/clock pauses, or the machine's clock is set back, just when the controller ends."""
+    loop.filled()
+    clock = loop.node.get_clock()
+    clock.set_ros_time_override(clock.now())
+    clock._set_ros_time_is_active(True)
+    loop.valve = None
+    loop.vented()
+
+
 def test_readings_are_as_the_interface_says(graph, loop):
     """N, m, absolute Pa; all channels of a sample carry one stamp."""
     force = graph.listen('force', WrenchStamped)

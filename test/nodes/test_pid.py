@@ -279,6 +279,18 @@ def test_gains_are_checked_as_a_set_and_change_while_it_runs(graph, pair):
     assert (pids[0].pid.gains.p, pids[0].pid.config.anti_windup) == (50.0, 'none')
 
 
+def test_a_slow_setpoint_rate_and_zero_gains_do_not_keep_the_air_in(graph, pair):
+    """A setpoint of ambient pressure means exhaust: it is what remains without a reference."""
+    rig, _ = pair()
+    wanted = [200e3]
+    graph.answer_pressures(2, lambda unit, t: wanted[0])
+    graph.advance(rig, 0.5)
+    graph.set('pressure_pid_mu1', setpoint_rate=1e3, gains__p=0.0, gains__i=0.0)
+    wanted[0] = 0.0
+    graph.advance(rig, 0.5)
+    assert rig.rig.truth.pressure.max() < 5e3
+
+
 @pytest.mark.parametrize('silent', ['pressure', 'setpoint'])
 def test_silence_is_vented_in_wall_time(graph, silent):
     """No pressure: the valve is shut, then exhausts; no setpoint: it exhausts."""
@@ -338,6 +350,7 @@ def test_repeated_stamp_does_not_stop_the_watches(graph, event, state, within):
     assert (node._guard.word, commands[-1]) == (state, -1.0)
     if event == 'stamp':
         assert 0.0 in commands
+        assert 'no new time stamp' in node._guard.now.reason
 
 
 @pytest.mark.parametrize('noise', [0.0, 400.0])

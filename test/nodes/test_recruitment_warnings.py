@@ -44,6 +44,15 @@ def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
     assert node._off_target.text == ''
 
 
+def test_a_load_cell_that_reads_a_tenth_ends_a_motion_too(graph, bundle):
+    """A reference that goes up and down passes the wrong reading twice in every period."""
+    times = np.arange(0.0, 8.1, 1.0)
+    rig, node = bundle(Points('up and down', 'force', tuple(times),
+                              tuple(20.0 + 70.0 * (times % 2.0))), faults__gain='force=0.1')
+    graph.advance(rig, lambda: node._guard.latched, 'the latch')
+    assert node._guard.word == 'FORCE'
+
+
 def test_diagnostics_warn_of_a_force_that_no_pressure_below_the_trip_gives(graph, bundle):
     """Too little to stop for it, but a gauge that drifts like a leak shows in nothing else."""
     rig, node = bundle(hold(110.0))

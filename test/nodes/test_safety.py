@@ -15,6 +15,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool
 import yaml
 
+from fam_bundle_ros.control.plausibility import GENTLE
 from fam_bundle_ros.control.safety import Health
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
@@ -25,6 +26,8 @@ from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.supply_enable import SupplyEnable
 from fam_bundle_ros.plant import Dynamometer, Rig, RigConfig, SupplyConfig
 from fam_bundle_ros.resources import config_path
+
+from .whole_bundle import warnings_of
 
 PERIOD = 5e-3
 AMBIENT = 101325.0
@@ -208,6 +211,21 @@ def test_fault_from_the_start_is_found_at_the_first_air(graph, rig, fault):
     vented(graph, rig)
 
 
+@pytest.mark.parametrize('supply', [True, False])
+def test_no_valve_exhausts_widely_while_the_supply_rises(graph, rig, supply, capfd):
+    """After `enable`: a reversed valve would fill. Nor is the wait of a usual start warned of."""
+    rig = rig(enable=False, supply=supply)
+    graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
+    graph.spin(0.5)
+    commands = graph.listen(interface.valve_topic(1), JointState)
+    assert enabled(graph)[0]
+    graph.until(lambda: max(rig.rig.truth.pressure) > 20e3, 'air')
+    sent = [message.effort[0] for message in commands]
+    allowed = next(k for k, command in enumerate(sent) if command > -1.0)
+    assert min(sent[allowed:]) >= -GENTLE
+    assert 'waits for the supply' not in ''.join(capfd.readouterr())
+
+
 def test_enable_names_what_speaks_against_it(graph, rig):
     """Nobody publishes e_stop, a pressure loop is silent, a motor unit is too high."""
     rig = rig(enable=False, pids=(2,), e_stop=False)
@@ -228,6 +246,19 @@ def test_enable_names_what_speaks_against_it(graph, rig):
     assert 'mu2 is at 500 kPa, above 396 kPa' in enabled(graph)[1]
     graph.spin(0.3)
     assert set(rig.leaves) == {False}
+
+
+def test_air_that_no_latch_lets_out_is_told(graph, rig, capfd):
+    """A valve hangs open and the supply does not shut: the log must not end with `vented`."""
+    rig = rig(lambda t: 60.0)
+    graph.until(lambda: max(rig.rig.truth.pressure) > 150e3, 'pressure')
+    open_supply = rig.rig.open_supply
+    rig.rig.open_supply = lambda given: open_supply(True)
+    rig.valves = lambda commands: [1.0, commands[1]]
+    warned = warnings_of(graph)
+    graph.until(lambda: warned('s of exhaust: shut the supply by hand'), 'the warning')
+    assert rig.node._guard.latched
+    assert 's of exhaust: shut the supply by hand' in ''.join(capfd.readouterr())
 
 
 @pytest.mark.parametrize('silent', ['force', 'strain'])

@@ -24,7 +24,12 @@ from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recording import record
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
-from fam_bundle_ros.nodes.rig_check import _judge_latency, _judge_values, check_rig
+from fam_bundle_ros.nodes.rig_check import (
+    _judge_force,
+    _judge_latency,
+    _judge_values,
+    check_rig,
+)
 from fam_bundle_ros.nodes.rig_parameters import LOAD, pressure_parameters, RIG, rig_config
 from fam_bundle_ros.nodes.session import _parameters, run_trajectory
 from fam_bundle_ros.plant import Dynamometer, MassSpring, Rig, rig_for, SensorConfig
@@ -332,6 +337,12 @@ def test_check_rig_says_what_is_wrong(domain_id):
     assert ' ms, jitter ' in latency.detail
 
 
+def test_a_vented_bundle_that_is_pressed_together_does_not_fail_the_check():
+    """It pushes back, so the force is negative; a failure would refuse `check-rig --active`."""
+    finding = _judge_force(-32.0, 0.4)
+    assert (finding.verdict, 'pressed together' in finding.detail) == ('note', True), finding
+
+
 @pytest.mark.parametrize(('latency', 'verdict', 'text'), [
     (2e-3, 'ok', '2.0 ms, jitter 0.5 ms; the clocks agree'),
     (20e-3, 'note', 'more than three samples (15 ms) are refused'),
@@ -345,6 +356,8 @@ def test_check_rig_shows_latency_and_whether_the_clocks_agree(latency, verdict, 
 
 @pytest.mark.parametrize(('pressure', 'gauge', 'verdict', 'text'), [
     (101.3, False, 'FAIL', 'looks like kPa, expected Pa'),
+    (1.013, False, 'FAIL', 'looks like bar, expected Pa'),
+    (14.7, True, 'FAIL', 'looks like psi, expected Pa'),
     (180.0, False, 'FAIL', 'pressure_is_gauge'),
     (180.0, True, 'note', 'cannot be determined at rest'),
     (150e3, True, 'ok', '150.0 kPa, noise 0.00 kPa gauge'),
