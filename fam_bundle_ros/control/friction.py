@@ -114,6 +114,16 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
     state.side = direction
 
 
+def half_band(state: Any) -> float:
+    """Return half of the difference between the errors in the two directions, N."""
+    return 0.5 * (state.high - state.low)
+
+
+def is_settled(state: Any, lag: float) -> bool:
+    """Return whether a motion has lasted so long that friction opposes it in full."""
+    return state.moving != 0 and state.since >= _SETTLED * lag
+
+
 def turn_round(state: Any, rate: float, error: float, lag: float, dt: float) -> float:
     """
     Return the change of the model's error to be expected as a reference starts or reverses, N.

@@ -45,7 +45,7 @@ from fam_bundle_ros.control.curves import (
     top_at,
     unit_force,
 )
-from fam_bundle_ros.control.friction import learn_friction
+from fam_bundle_ros.control.friction import half_band, is_settled, learn_friction
 from fam_bundle_ros.control.heading import (
     follow_heading,
     heading_now,
@@ -353,8 +353,14 @@ def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool)
     if not settings.enabled:
         return
     learnt, table = state.adaptation, state.table
-    observer = state.outer.observer
+    observer, friction = state.outer.observer, state.outer.friction
     weight = (observer.sure if observer.seen >= FIRST else 0.0) if feedback else 1.0
+    # Friction is no error of the gains. At rest it may take any value in its band.
+    half = half_band(friction)
+    if is_settled(friction, state.outer.lag):
+        measured += half * friction.moving
+    elif half > 0.0:
+        weight *= learnt.rest / (learnt.rest + half * half)
     adaptation_step(settings, learnt, measured, dt, weight)
     n = len(table.pull)
     for unit in range(n):

@@ -191,3 +191,22 @@ def test_friction_is_learnt_from_the_strain_s_own_motion(paper_bundle):
         controller.update(DT, Measurement(force, strain, 0.0, pressure), Reference('force', 30.0))
     friction = controller.outer.friction
     assert friction.high - friction.low == pytest.approx(5.0, rel=0.25)
+
+
+def test_friction_is_no_error_of_the_gains(paper_bundle):
+    """
+    A correct model of muscles that rub, moved up and down for a minute, stays as it is.
+
+    Friction errs with the direction, as pressures of a tracked strain do: it would pass for a
+    lag, and for weaker tension and push-back.
+    """
+    controller = RecruitmentController(paper_bundle, ControllerConfig())
+    for k in range(round(60.0 / DT)):
+        turn = 2.0 * np.pi * 0.5 * k * DT
+        strain, way = 0.10 - 0.05 * np.cos(turn), np.sin(turn)
+        pressure = np.array([150e3 - 80e3 * np.cos(turn) + 60e3 * way, 0.0])
+        force = float(paper_bundle.force(strain, pressure)) - 6.0 * np.tanh(20.0 * way)
+        controller.update(DT, Measurement(force, strain, 0.0, pressure), Reference('force', 30.0))
+    pull, _, push, *_ = controller.memory.adaptation.error
+    assert abs(pull) < 0.04
+    assert abs(push) < 0.15
