@@ -244,7 +244,7 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
                                                                 kept):
     """Better by more than the folds scatter; down to the noise any gain there will do."""
     made = search(nothing=0.0, coulomb_friction=30.0)
-    better = made.best
+    better = replace(made.best, residual=made.best.residual + 1.0)
     off = {made.null.names: [9.0, 4.0], better.names: [8.0, 4.1]}
     monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
@@ -261,6 +261,12 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
     sure = replace(better, white_evidence=made.null.white_posterior + 9.0)
     assert [str(change) for change in choice.drop_unpredictive(
         made, sure, found, sure, 0.1)[1]] == kept
+    # the discrepancy made the evidence: alone the effect changes the force by too little to see
+    off[made.null.names] = [12.0, 8.0]
+    for sd, seen in ((0.1, False), (1.0, True)):
+        step = sd * np.sqrt(made.fitter.cells.variance)
+        small = replace(made.best, residual=made.null.residual + step)
+        assert choice.drop_unpredictive(made, small, found, small, 0.1)[1] == found * seen
 
 
 @pytest.mark.parametrize(('structured', 'angle', 'alone', 'kept'), [
@@ -274,6 +280,7 @@ def test_beside_a_bent_law_others_are_named(search, monkeypatch, structured, ang
         Prior('end_caps.dead_length', 1e-3, 1e3, 1.0, 1.2, 'log'),
         Prior('geometry.braid_angle', 0.1, 1.0, 0.5, 0.02, 'normal')))
     monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
+    monkeypatch.setattr(choice, '_is_seen', lambda *given: True)
     monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
     monkeypatch.setattr(choice, 'held_out', lambda fitter, _, other: replace(
         GOOD, physics=1.0 if other is fit else 9.0, squares=np.full(
