@@ -189,12 +189,11 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     least = settings.LEAST_NOISE * float(np.abs(data.force).max())
     known = [value for value in (floor.differences, floor.repeats) if value]
     noise = max(min(known, default=0.0), least)
-    strain_range = max(float(np.ptp(data.strain)), 1e-6)
-    pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
+    strain_range, pressure_range = extent(data)
     if len(data) <= most:
         label = np.arange(len(data))
     else:
-        label = (_places if data.is_static else _visits)(
+        label = (_places if data.is_static else visits)(
             data, data.direction, strain_range, pressure_range, most)
     far, turns = spikes(data, residual, noise), unknown_direction(data)
     used = ~(far | turns | blurred)
@@ -220,6 +219,12 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  None if data.time is None else mean(data.time), max(found.sd, least),
                  np.maximum(found.variance(count), least ** 2 / count), strain_range,
                  pressure_range, None if stiff is None else mean(stiff), len(measurement))
+
+
+def extent(data: Measurement) -> tuple[float, np.ndarray]:
+    """Return the range of the strain and of each pressure, (n,), Pa, at least a small one."""
+    return (max(float(np.ptp(data.strain)), 1e-6),
+            np.maximum(np.ptp(data.pressure, axis=0), 1e3))
 
 
 def unknown_direction(data: Measurement) -> np.ndarray:
@@ -294,7 +299,7 @@ def _places(data: Measurement, direction: np.ndarray, strain_range: float,
     return label
 
 
-def _visits(data: Measurement, direction: np.ndarray, strain_range: float,
+def visits(data: Measurement, direction: np.ndarray, strain_range: float,
             pressure_range: np.ndarray, most: int) -> np.ndarray:
     """
     Return the number of the visit that each row of a log belongs to, (T,) int.
@@ -330,7 +335,7 @@ def thinned(data: Measurement, most: int) -> tuple[Measurement, np.ndarray]:
     if data.is_static or len(data) <= most:
         return data, np.zeros(len(data), bool)
     block = min(int(np.ceil(len(data) / most)), _widest_block(data))
-    return averaged(_stretches(data, most * block), block)
+    return averaged(stretches(data, most * block), block)
 
 
 def averaged(data: Measurement, block: int) -> tuple[Measurement, np.ndarray]:
@@ -375,7 +380,7 @@ def _movements(data: Measurement) -> tuple[np.ndarray, np.ndarray]:
     return columns, np.maximum(_BLUR * np.ptp(columns, axis=0), _STILL * np.array(noise))
 
 
-def _stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
+def stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
     """Return ``count`` evenly spaced stretches of a log, each a trial, ``most`` rows in all."""
     if len(data) <= 1.25 * most:
         return data

@@ -15,14 +15,14 @@ from fam_bundle_ros.discovery.cells import (
     _at_most,
     _places,
     _renumbered,
-    _stretches,
-    _visits,
     _widest_block,
     averaged,
     averages,
     reduce,
+    stretches,
     thinned,
     unknown_direction,
+    visits,
 )
 from fam_bundle_ros.model import load_model, Motion
 
@@ -139,7 +139,7 @@ def test_stays_end_with_trial_direction_and_distance(sweeps):
     """They follow each other in time; within one the muscle has moved by less than a bin."""
     data = sweeps(cycles=2)
     span = np.ptp(data.strain), np.ptp(data.pressure, axis=0)
-    label = _visits(data, data.direction, *span, 300)
+    label = visits(data, data.direction, *span, 300)
     assert label[0] == 0
     assert set(np.diff(label)) == {0, 1}
     assert label.max() < 300
@@ -228,7 +228,7 @@ def test_a_long_log_is_thinned_and_a_short_one_is_not(one_way):
 
 def test_stretches_are_unbroken_and_from_all_over(long_log):
     """Each begins a trial, and so does a trial within one."""
-    found = _stretches(long_log, 1200)
+    found = stretches(long_log, 1200)
     assert len(found) == 1200
     step = np.diff(found.time)
     inside = np.diff(found.trial) == 0
@@ -239,7 +239,7 @@ def test_stretches_are_unbroken_and_from_all_over(long_log):
     assert 12 <= len(found.trial_names) <= 13
     assert found.time[0] == long_log.time[0]
     assert found.time[-1] == long_log.time[-1]
-    assert _stretches(long_log, 6400) is long_log
+    assert stretches(long_log, 6400) is long_log
 
 
 def test_cells_of_a_log_know_their_time_trial_direction_and_speed(sweeps, paper_muscle):
