@@ -243,6 +243,24 @@ def unknown_direction(data: Measurement) -> np.ndarray:
     return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
 
 
+def jumped(data: Measurement) -> np.ndarray:
+    """
+    Return the first rows after a step of strain or pressure between two rows of a log, (T,) bool.
+
+    Only there do the fastest lags show. Such a row is a visit of its own: in one mean with later
+    rows, a lag that is wrong in the first by as much as a slow creep is in the others would look
+    right. A step is more than the changes before and after it together.
+    """
+    if data.time is None:
+        return np.zeros(len(data), bool)
+    columns, least = _movements(data)
+    change = np.abs(np.diff(columns, axis=0))
+    change[data.start[1:]] = np.inf  # not known
+    steps = (change[1:-1] > change[:-2] + change[2:]) & (change[1:-1] > least)
+    steps &= np.isfinite(change[1:-1])
+    return np.concatenate([[False, False], steps.any(axis=1), [False]])[:len(data)]
+
+
 def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
     """
     Return the cell of strain, pressure and way of each row, (T,) int, over all visits; -1: none.
@@ -305,12 +323,16 @@ def visits(data: Measurement, direction: np.ndarray, strain_range: float,
     Return the number of the visit that each row of a log belongs to, (T,) int.
 
     A new visit begins when strain or a pressure differs from the first row of the visit by more
-    than a bin and by more than the noise: a muscle that is held makes one visit.
+    than a bin and by more than the noise: a muscle that is held makes one visit. The first row
+    after a step is a visit too (see `jumped`).
     """
+    jump = jumped(data)
     columns = np.column_stack([data.strain, data.pressure])
     size = np.append(strain_range, pressure_range)
     noise = np.array([sample_noise(column, data.trial) for column in columns.T])
-    fresh = (data.start | (np.diff(direction, prepend=direction[0]) != 0)).tolist()
+    fresh = data.start | (np.diff(direction, prepend=direction[0]) != 0) | jump
+    fresh[1:] |= jump[:-1]
+    fresh = fresh.tolist()
     label = np.zeros(len(data), int)
     for bins in _BINS:
         scaled = (columns / np.maximum(size / bins, _STILL * noise)).tolist()
