@@ -50,11 +50,14 @@ class Left:
     beside : float
         Both together in the joint fit, where the discrepancy also takes part of what the effects
         alone would explain.
+    of_rows : float, optional
+        ``total`` as the mean over rows, like printed errors; the others are means over cells.
     """
 
     smooth: float
     rough: float
     beside: float = 0.0
+    of_rows: float | None = None
 
     @property
     def total(self) -> float:
@@ -75,10 +78,17 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     if h.is_white:
         return Left(0.0, rough, rough)
     smooth = covariance.mean_of(h, fit.hyper, fit.residual)
-    beside = square = float(np.mean(smooth ** 2))
-    if not (implausible_geometry(physics) or _impossible(physics)):
-        square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))
-    return Left(float(np.sqrt(square)), rough, float(np.hypot(np.sqrt(beside), rough)))
+    plausible = not (implausible_geometry(physics) or _impossible(physics))
+
+    def square(weights: np.ndarray | None) -> float:
+        most = float(np.average(smooth ** 2, weights=weights))
+        if not plausible:
+            return most
+        whole = float(np.average(physics.residual ** 2, weights=weights))
+        return min(most, max(whole - rough ** 2, 0.0))
+    beside = float(np.sqrt(np.mean(smooth ** 2)))
+    return Left(float(np.sqrt(square(None))), rough, float(np.hypot(beside, rough)),
+                float(np.sqrt(square(covariance.cells.count) + rough ** 2)))
 
 
 def implausible_geometry(physics: Fit) -> list[str]:

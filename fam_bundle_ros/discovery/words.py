@@ -95,7 +95,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     text, s = ' and '.join(map(what, answer)), 's' if len(answer) == 1 else ''
     if finding.verdict == 'partial':
         text += (f' take{s} the error from {error["recalibrated"]:.3g} to {error["best"]:.3g} N; '
-                 f'a smooth discrepancy of {finding.after.total:.2g} N is left')
+                 + _left(finding, error['best']))
         if finding.warnings:
             text += '; caution: ' + '; '.join(finding.warnings)
     elif finding.after.rough > settings.VISIBLE * error['best']:
@@ -114,6 +114,13 @@ def _shape(shapes: Sequence[Template], otherwise: str) -> str:
     """Return the words for the best shape, if it is most of the error."""
     most = [shape.words for shape in shapes[:1] if shape.explained >= settings.MOST_OF_IT]
     return most[0] if most else otherwise
+
+
+def _left(finding: Finding, best: float) -> str:
+    """Return the size of the discrepancy; it may exceed the error of a distorted model."""
+    left = finding.after.total if finding.after.of_rows is None else finding.after.of_rows
+    near = ' if the dimensions stay near their usual values' if left > best else ''
+    return f'a smooth discrepancy of {left:.2g} N is left{near}'
 
 
 def _down_to(noise_only: str, error: Mapping[str, float]) -> str:

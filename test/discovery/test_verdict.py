@@ -64,6 +64,9 @@ def test_what_effects_explain_alone_is_not_left_to_a_discrepancy(search):
     assert remaining_discrepancy(covariance, joint, joint).total > 10.0
     assert remaining_discrepancy(covariance, joint, alone).total == pytest.approx(
         np.sqrt(np.mean(alone.residual ** 2)))
+    # and as the mean over rows, to be printed beside errors of rows
+    assert remaining_discrepancy(covariance, joint, alone).of_rows == pytest.approx(
+        np.sqrt(np.average(alone.residual ** 2, weights=made.fitter.cells.count)))
     # what stood beside it is told all the same
     assert remaining_discrepancy(covariance, joint, alone).beside > 10.0
     # nothing is explained by a muscle of half the radius

@@ -179,6 +179,9 @@ def test_an_answer_says_how_much_it_explains_and_what_could_take_its_place():
     assert said('partial', (CAPS,), after=0.25, warnings=('one speed',)) == (
         'end_caps takes the error from 3.1 to 0.6 N; a smooth discrepancy of 0.25 '
         'N is left; caution: one speed')
+    # more than the error: the model is distorted
+    assert said('partial', (CAPS,), after=13.0).endswith(
+        ' a smooth discrepancy of 13 N is left if the dimensions stay near their usual values')
     tied = said('missing_effect', (DRY,), ties=(('a', 'b'),), trades=('c with d', 'e with f', 'g'))
     assert tied.endswith('; these data cannot tell apart a and b; c with d; e with f '
                          '(and 1 more)')
