@@ -76,7 +76,10 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     chance = f_distribution.sf(ratio, 2 * len(trials), free)
     if len(frequency) / _PADDED * chance > FALSE_ALARM:
         return None
-    if height / total <= _share_of_place(measurement.select(rows), y[rows]):
+    place = _share_of_place(measurement.select(rows), y[rows])
+    # a sine over the place explains as much, within two standard errors of R^2
+    error = 2.0 * np.sqrt(max(place, 0.0) / len(rows)) * (1.0 - place)
+    if height / total <= place + 2.0 * error:
         return None
     return Vibration(float(1.0 / frequency[peak]), float(np.sqrt(2.0 * height / len(rows))))
 
