@@ -46,7 +46,7 @@ from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.templates import describe
-from fam_bundle_ros.discovery.verdict import DOUBTED, Finding, judge
+from fam_bundle_ros.discovery.verdict import Finding, judge, shown_probability
 from fam_bundle_ros.discovery.words import (
     error_of_used,
     next_experiment,
@@ -260,8 +260,6 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
              finding: Finding, beyond: float) -> tuple[Candidate, ...]:
     """Return every effect that was tried, with its most probable set; named effects first."""
     fitter = search.fitter
-    most = DOUBTED if finding.warnings or finding.refusals else 1.0
-    most = 0.5 if finding.refusals or (finding.verdict == 'unexplained') else most
     chosen = {change.label: change for change in answer}
     order = [*chosen, *sorted((label for label in posterior.labels() if label not in chosen),
                               key=lambda label: -posterior.of_label(label))]
@@ -279,10 +277,10 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
         error = float(np.hypot(np.sqrt(square), beyond))
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
-        probability = posterior.of_label(label)
+        probability = shown_probability(finding, posterior.of_label(label), label in chosen)
         law = catalogue.available().get(name)
         entries.append(Candidate(
-            label, name, family(name), min(probability, most), error,
+            label, name, family(name), probability, error,
             search.best.posterior - best[0].posterior, tuple(own),
             law.signature if law else '', replaces=change.old if change.new else '',
             removes=not change.new))

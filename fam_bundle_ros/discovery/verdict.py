@@ -171,6 +171,20 @@ class Finding:
         return self.verdict in ('missing_effect', 'partial')
 
 
+def shown_probability(finding: Finding, probability: float, named: bool) -> float:
+    """
+    Return the probability of an effect as it is shown: not above what other doubts allow.
+
+    Evidence enough for a name, without one: the effect does not improve the prediction of
+    held-out folds, or its constants are implausible. Then it is not likelier than not.
+    """
+    enough = 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS))
+    if (finding.refusals or finding.verdict == 'unexplained'
+            or not named and probability >= enough):
+        return min(probability, 0.5)
+    return min(probability, DOUBTED if finding.warnings else 1.0)
+
+
 def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
           found: Sequence[Change], held: HeldOut, artefacts: Sequence[Artefact],
           inclusion: float, likely: bool) -> Finding:

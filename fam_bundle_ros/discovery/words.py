@@ -89,7 +89,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         shape = _shape(shapes, 'no plain shape')
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
-            f'{finding.after.total:.2g} N of structure would be left')
+            f'{_size_left(finding):.2g} N of structure would be left')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
                 f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
     text, s = ' and '.join(map(what, answer)), 's' if len(answer) == 1 else ''
@@ -116,9 +116,13 @@ def _shape(shapes: Sequence[Template], otherwise: str) -> str:
     return most[0] if most else otherwise
 
 
+def _size_left(finding: Finding) -> float:
+    return finding.after.total if finding.after.of_rows is None else finding.after.of_rows
+
+
 def _left(finding: Finding, best: float) -> str:
     """Return the size of the discrepancy; it may exceed the error of a distorted model."""
-    left = finding.after.total if finding.after.of_rows is None else finding.after.of_rows
+    left = _size_left(finding)
     near = ' if the dimensions stay near their usual values' if left > best else ''
     return f'a smooth discrepancy of {left:.2g} N is left{near}'
 

@@ -364,6 +364,18 @@ def test_effects_beside_visible_structure_must_explain_most_of_the_error(
     assert finding.verdict == verdict
 
 
+@pytest.mark.parametrize(('verdict', 'doubt', 'named', 'told'), [
+    ('partial', {}, True, 0.99), ('partial', {}, False, 0.5),
+    ('partial', {'warnings': ('a drift',)}, True, 0.9), ('unexplained', {}, False, 0.5),
+    ('partial', {'refusals': ('a plane is as good',)}, True, 0.5)])
+def test_no_more_is_shown_than_the_doubts_allow(verdict, doubt, named, told):
+    """An effect that the held-out folds refused is not shown as all but certain."""
+    left = verdicts.Left(1.0, 0.0)
+    finding = verdicts.Finding(verdict, left, left, 0.8, **doubt)
+    assert verdicts.shown_probability(finding, 0.99, named) == told
+    assert verdicts.shown_probability(finding, 0.3, named) == 0.3
+
+
 @pytest.mark.parametrize(('rates', 'alike'), [((1.0, 1.0), True), ((1.0, 4.0), False)])
 def test_memory_found_at_one_rate_of_the_pressure_is_doubtful(paper_muscle, rates, alike):
     """Filled and vented at fixed lengths; a second rate tells lag, creep and friction apart."""

@@ -161,6 +161,9 @@ def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
     assert said('unexplained', found=(DRY, CAPS), shapes=(shape,)) == (
         f'{start}a bump about strain 0.1 (nearest: coulomb_friction and end_caps, but 0.2 N of '
         'structure would be left)')
+    told = summarise(Finding('unexplained', Left(3.1, 0.2), Left(18.0, 0.0, 18.0, 7.0), 0.8), (),
+                     (DRY,), (), (), BASE, (), {})
+    assert told.endswith('but 7 N of structure would be left)')  # a mean over rows, as errors
     assert said('unexplained', found=(DRY,), refusals=('it is bent', 'it is odd')).endswith(
         '(nearest: coulomb_friction, but it is bent; it is odd)')
     artefact = SimpleNamespace(words='trial 3 is off', remedy='tare before each trial')
