@@ -45,6 +45,13 @@ class MeanNoise:
         """Standard deviation of a row, N."""
         return float(np.hypot(self.white, self.slow))
 
+    @property
+    def correlation(self) -> float:
+        """Rows per independent row in a long mean, 1 for white noise."""
+        r = np.exp(-1.0 / self.memory)
+        share = self.slow ** 2 / max(self.sd ** 2, np.finfo(float).tiny)
+        return float(1.0 + share * 2.0 * r / (1.0 - r))
+
     def variance(self, rows: np.ndarray) -> np.ndarray:
         """Return the variance of the mean of so many neighbours, N^2."""
         return self.white ** 2 / rows + self.slow ** 2 * _of_mean(rows, self.memory)

@@ -151,8 +151,11 @@ def force_step(force: np.ndarray) -> float:
 def _floor(measurement: Measurement, values: np.ndarray) -> NoiseFloor:
     quantum = force_step(measurement.force)
     differences = second_differences(measurement, values)
-    cells = visit_cells(measurement)
-    repeats, visits, correlation, pairs = _from_visits(values, cells, quantum)
+    cell, visit = visit_cells(measurement)
+    # a strain that is noisy at the edge of a cell comes back at once: no repeat
+    passes = (visit if measurement.is_static else
+              np.cumsum(begins(measurement.direction, measurement.trial)))
+    repeats, visits, correlation, pairs = _from_visits(values, cell, visit, passes, quantum)
     return replace(_chosen(values, differences, repeats, visits, correlation, pairs),
                    quantum=quantum)
 
@@ -299,21 +302,25 @@ def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray
     return cell, np.cumsum(begins(cell, measurement.trial)) - 1
 
 
-def _from_visits(values: np.ndarray, cells: tuple[np.ndarray, np.ndarray], quantum: float,
-                 ) -> tuple[float | None, float | None, float, int]:
-    """Return repeat noise, noise of visit means, the correlation they imply, pairs of visits."""
-    cell, visit = cells
+def _from_visits(values: np.ndarray, cell: np.ndarray, visit: np.ndarray, passes: np.ndarray,
+                 quantum: float) -> tuple[float | None, float | None, float, int]:
+    """
+    Return repeat noise, noise of visit means, the correlation they imply, pairs of visits.
+
+    Visits are compared if they are of different passes.
+    """
     count = np.bincount(visit)
     mean = np.bincount(visit, values) / count
     where = np.zeros(len(count), int)
     where[visit] = cell
     order = np.argsort(where, kind='stable')
-    again = np.flatnonzero(np.diff(where[order]) == 0)
+    # the first samples of two visits are compared
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    again = np.flatnonzero((np.diff(where[order]) == 0)
+                           & (np.diff(passes[first][order]) != 0))
     if len(again) < 12:
         return None, None, 1.0, len(again)
     a, b = order[again], order[again + 1]
-    # the first samples of two visits are compared
-    first = np.concatenate([[0], np.cumsum(count)[:-1]])
     gap = values[first[a]] - values[first[b]]
     repeats = max(spread(gap, quantum) / np.sqrt(2.0), quantum / np.sqrt(12.0))
     scale = np.sqrt(1.0 / count[a] + 1.0 / count[b])

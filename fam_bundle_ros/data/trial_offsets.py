@@ -8,9 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.grouping import pressure_levels
+from fam_bundle_ros.data.grouping import pressure_levels, pressure_speed
 from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
 from fam_bundle_ros.data.rates import FALSE_ALARM
+
+#: Speeds that differ by less than this in the natural logarithm are one, as for the discrepancy.
+_ONE_SPEED = 1.0
 
 
 class Offsets(NamedTuple):
@@ -27,10 +30,10 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     """
     Return what trials differ by, or None where they do not differ by offsets.
 
-    Trials are compared only where they met the same strain, pressure and direction, so that no
-    error of a model can pass for an offset: a two-way analysis of variance with cells and trials,
-    the noise counted by its independent samples. In a map without trials, where each repeat is a
-    block of the file, blocks are the trials.
+    Trials are compared only where they met the same strain, pressure and direction at about the
+    same speed, so that no error of a model can pass for an offset: a two-way analysis of variance
+    with cells and trials, the noise counted by its independent samples. In a map without trials,
+    where each repeat is a block of the file, blocks are the trials.
 
     Parameters
     ----------
@@ -44,7 +47,9 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
         cell = _cells_of_a_map(measurement)
         trial = measurement.trial if len(measurement.trial_names) > 1 else _repeats(cell)
     else:
-        cell, trial = visit_cells(measurement)[0], measurement.trial
+        trial = measurement.trial
+        cell = np.unique(np.stack([visit_cells(measurement)[0], _speeds(measurement)]), axis=1,
+                         return_inverse=True)[1].ravel()
     if trial is None or trial.max() < 1:
         return None
     count = np.bincount(cell)
@@ -73,6 +78,19 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     if size < RESOLUTION * np.abs(measurement.force).max():
         return None
     return Offsets(offset[trial], size)
+
+
+def _speeds(measurement: Measurement) -> np.ndarray:
+    """Return the class of the usual speed of each row's trial, (T,) int."""
+    speed = (pressure_speed(measurement) if measurement.is_held
+             else np.abs(measurement.strain_rate))
+    moving = (measurement.direction != 0) & (speed > 0.0)
+    trial = measurement.trial
+    usual = np.array([np.log(np.median(speed[rows])) if rows.any() else -np.inf
+                      for rows in (moving & (trial == k) for k in range(int(trial.max()) + 1))])
+    levels = np.sort(usual[np.isfinite(usual)])
+    edges = levels[1:][np.diff(levels) > _ONE_SPEED]
+    return np.searchsorted(edges, usual, side='right')[trial]
 
 
 def _cells_of_a_map(measurement: Measurement) -> np.ndarray:

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import FALSE_ALARM
+from fam_bundle_ros.data.rates import begins, FALSE_ALARM
 
 #: Zero padding of the spectrum: the amplitude of a peak is found within 1 %.
 _PADDED = 8
-#: Bins over the range of strain, in which a periodic function of the strain is seen.
+#: Bins over the range of strain or pressure, in which a periodic function of it is seen.
 _BINS = 60
 
 
@@ -33,9 +33,9 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     so the phase may differ between trials. Its peak must be higher than white noise reaches with
     probability `FALSE_ALARM`, and must be more than half of what exceeds the white noise, with
     more than two periods in a trial: in drift and other noise that grows towards low frequencies,
-    one or two periods per trial have as much. A function of strain and direction that is passed
-    at constant speed is periodic in time too: means over cells of strain and direction must
-    explain less.
+    one or two periods per trial have as much. A function of strain or pressure, and of direction,
+    that is passed at constant speed is periodic in time too: means over cells of strain, or of a
+    pressure, and direction must explain less.
 
     Parameters
     ----------
@@ -76,20 +76,40 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     chance = f_distribution.sf(ratio, 2 * len(trials), free)
     if len(frequency) / _PADDED * chance > FALSE_ALARM:
         return None
-    if height / total <= _share_of_place(measurement.select(rows), y[rows]):
+    place = _share_of_place(measurement.select(rows), y[rows])
+    # a sine over the place explains as much, within two standard errors of R^2
+    error = 2.0 * np.sqrt(max(place, 0.0) / len(rows)) * (1.0 - place)
+    if height / total <= place + 2.0 * error:
         return None
     return Vibration(float(1.0 / frequency[peak]), float(np.sqrt(2.0 * height / len(rows))))
 
 
 def _share_of_place(measurement: Measurement, values: np.ndarray) -> float:
-    """Return the share of the variance that strain and direction explain, adjusted (R^2)."""
-    width = max(float(np.ptp(measurement.strain)), np.finfo(float).tiny) / _BINS
-    _, cell = np.unique(np.stack([np.round(measurement.strain / width), measurement.direction],
-                                 -1), axis=0, return_inverse=True)
+    """
+    Return the share of the variance that strain, or a pressure, and direction explain (R^2).
+
+    It is adjusted for the number of cells. Cells passed only once explain nothing: what is a
+    function of the place there may be one of time.
+    """
+    way = measurement.direction
+    passes = np.cumsum(begins(way, measurement.trial))
+    columns = [column for column in (measurement.strain, *measurement.pressure.T)
+               if np.ptp(column) > 0.0]
+    return max((_explained(np.round(column / np.ptp(column) * _BINS), way, passes, values)
+                for column in columns), default=0.0)
+
+
+def _explained(place: np.ndarray, way: np.ndarray, passes: np.ndarray, values: np.ndarray,
+               ) -> float:
+    """Return the adjusted R^2 of the means over place and way, of those with several passes."""
+    _, cell = np.unique(np.stack([place, way], -1), axis=0, return_inverse=True)
     cell = cell.ravel()
+    visits = np.unique(np.stack([cell, passes], -1), axis=0)[:, 0]
+    again = np.bincount(visits) > 1
     count = np.bincount(cell)
-    free = len(values) - len(count)
+    free = len(values) - int(again.sum())
     if free < 1:
         return 0.0
-    left = values - (np.bincount(cell, values) / count)[cell]
+    mean = np.where(again, np.bincount(cell, values) / count, 0.0)
+    left = values - mean[cell]
     return 1.0 - float(left @ left) / free / float(np.var(values, ddof=1))

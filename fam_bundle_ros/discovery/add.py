@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
+from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
@@ -189,7 +190,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     new = with_intervals(new, parameters, error)
     held = held.of_rows(beyond_cells(cells, physics, error))
     return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
-                 noise_floor(data, data.force - predict(new, data)), tuple(parameters), asked,
+                 floor_of(data, data.force - predict(new, data)), tuple(parameters), asked,
                  replacing, tuple(removing), recommend(new, physics, chosen, held, fitter),
                  log_odds, choices.odds)
 
@@ -340,7 +341,7 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
             best = (refitted, physics.model)
     assert best is not None
     own = matched(best[1], data)
-    return Ladder(steps, noise_floor(own, own.force - predict(best[1], own)), data.name, rivals)
+    return Ladder(steps, floor_of(own, own.force - predict(best[1], own)), data.name, rivals)
 
 
 def _refitted(model: Bundle, data: Any) -> tuple[Fitter, Fit, Fit]:

@@ -22,6 +22,9 @@ from fam_bundle_ros.discovery.cells import Cells, negligible
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 
+#: Places over the range of strain and of each pressure, to which a motion returns.
+_PLACES = 20
+
 
 class Artefact(NamedTuple):
     """An error caused by how the data were taken."""
@@ -60,9 +63,25 @@ def artefacts(fitter: Fitter, chosen: Fit, physics: Fit, floor: NoiseFloor,
 
 
 def drift(covariance: Covariance, fit: Fit) -> float:
-    """Return the size of the part of the discrepancy that is a function of time, N rms."""
+    """
+    Return the size of the part of the discrepancy that is a function of time, N rms.
+
+    Where strain and pressures returned to a place, only what differs between its cells counts: an
+    error that comes back is no drift, though a smooth function of time can follow it in a trial.
+    """
     slow = fit.hyper._replace(even=0, odd=0, speed=0)
-    return rms(covariance.mean_of(slow, fit.hyper, fit.residual))
+    found, cells = covariance.mean_of(slow, fit.hyper, fit.residual), covariance.cells
+    steps = np.column_stack([cells.strain / cells.strain_range,
+                             cells.pressure / cells.pressure_range])
+    _, place = np.unique(np.round(steps * _PLACES), axis=0, return_inverse=True)
+    place = place.ravel()
+    count = np.bincount(place)
+    again = count[place] > 1
+    if not again.any():
+        return rms(found)
+    apart = (found - (np.bincount(place, found) / count)[place])[again]
+    free = int(again.sum()) - int((count > 1).sum())
+    return min(rms(found), float(np.sqrt(apart @ apart / free)))
 
 
 def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:

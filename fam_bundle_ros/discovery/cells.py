@@ -189,12 +189,11 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     least = settings.LEAST_NOISE * float(np.abs(data.force).max())
     known = [value for value in (floor.differences, floor.repeats) if value]
     noise = max(min(known, default=0.0), least)
-    strain_range = max(float(np.ptp(data.strain)), 1e-6)
-    pressure_range = np.maximum(np.ptp(data.pressure, axis=0), 1e3)
+    strain_range, pressure_range = extent(data)
     if len(data) <= most:
         label = np.arange(len(data))
     else:
-        label = (_places if data.is_static else _visits)(
+        label = (_places if data.is_static else visits)(
             data, data.direction, strain_range, pressure_range, most)
     far, turns = spikes(data, residual, noise), unknown_direction(data)
     used = ~(far | turns | blurred)
@@ -222,6 +221,12 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  pressure_range, None if stiff is None else mean(stiff), len(measurement))
 
 
+def extent(data: Measurement) -> tuple[float, np.ndarray]:
+    """Return the range of the strain and of each pressure, (n,), Pa, at least a small one."""
+    return (max(float(np.ptp(data.strain)), 1e-6),
+            np.maximum(np.ptp(data.pressure, axis=0), 1e3))
+
+
 def unknown_direction(data: Measurement) -> np.ndarray:
     """
     Return the rows of a log whose direction of motion is not known, (T,) bool.
@@ -236,6 +241,24 @@ def unknown_direction(data: Measurement) -> np.ndarray:
     first = data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
     moving = np.where(data.direction_basis == BY_STRAIN, data.direction, 0)
     return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
+
+
+def jumped(data: Measurement) -> np.ndarray:
+    """
+    Return the first rows after a step of strain or pressure between two rows of a log, (T,) bool.
+
+    Only there do the fastest lags show. Such a row is a visit of its own: in one mean with later
+    rows, a lag that is wrong in the first by as much as a slow creep is in the others would look
+    right. A step is more than the changes before and after it together.
+    """
+    if data.time is None:
+        return np.zeros(len(data), bool)
+    columns, least = _movements(data)
+    change = np.abs(np.diff(columns, axis=0))
+    change[data.start[1:]] = np.inf  # not known
+    steps = (change[1:-1] > change[:-2] + change[2:]) & (change[1:-1] > least)
+    steps &= np.isfinite(change[1:-1])
+    return np.concatenate([[False, False], steps.any(axis=1), [False]])[:len(data)]
 
 
 def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
@@ -294,18 +317,22 @@ def _places(data: Measurement, direction: np.ndarray, strain_range: float,
     return label
 
 
-def _visits(data: Measurement, direction: np.ndarray, strain_range: float,
+def visits(data: Measurement, direction: np.ndarray, strain_range: float,
             pressure_range: np.ndarray, most: int) -> np.ndarray:
     """
     Return the number of the visit that each row of a log belongs to, (T,) int.
 
     A new visit begins when strain or a pressure differs from the first row of the visit by more
-    than a bin and by more than the noise: a muscle that is held makes one visit.
+    than a bin and by more than the noise: a muscle that is held makes one visit. The first row
+    after a step is a visit too (see `jumped`).
     """
+    jump = jumped(data)
     columns = np.column_stack([data.strain, data.pressure])
     size = np.append(strain_range, pressure_range)
     noise = np.array([sample_noise(column, data.trial) for column in columns.T])
-    fresh = (data.start | (np.diff(direction, prepend=direction[0]) != 0)).tolist()
+    fresh = data.start | (np.diff(direction, prepend=direction[0]) != 0) | jump
+    fresh[1:] |= jump[:-1]
+    fresh = fresh.tolist()
     label = np.zeros(len(data), int)
     for bins in _BINS:
         scaled = (columns / np.maximum(size / bins, _STILL * noise)).tolist()
@@ -330,7 +357,7 @@ def thinned(data: Measurement, most: int) -> tuple[Measurement, np.ndarray]:
     if data.is_static or len(data) <= most:
         return data, np.zeros(len(data), bool)
     block = min(int(np.ceil(len(data) / most)), _widest_block(data))
-    return averaged(_stretches(data, most * block), block)
+    return averaged(stretches(data, most * block), block)
 
 
 def averaged(data: Measurement, block: int) -> tuple[Measurement, np.ndarray]:
@@ -375,7 +402,7 @@ def _movements(data: Measurement) -> tuple[np.ndarray, np.ndarray]:
     return columns, np.maximum(_BLUR * np.ptp(columns, axis=0), _STILL * np.array(noise))
 
 
-def _stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
+def stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
     """Return ``count`` evenly spaced stretches of a log, each a trial, ``most`` rows in all."""
     if len(data) <= 1.25 * most:
         return data

@@ -215,6 +215,9 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
     Without structure, an effect is removed only if no kind of fold gets worse, with and without
     the discrepancy; the last effect only if the evidence for it depends on a discrepancy.
 
+    An effect that without a discrepancy changes the force by too little to be seen is removed: its
+    evidence was that of another value, with the discrepancy.
+
     Where structure is left, an effect with implausible constants is removed as well, unless it is
     the last. If the geometry is implausible too, the model describes another muscle: all effects
     stay, for `verdict.judge` to refuse.
@@ -245,13 +248,20 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
             else:
                 goes = error.is_no_worse(held) and (
                     len(found) > 1 or fewer.white_posterior >= chosen.white_posterior)
-            if goes:
+            if goes or not _is_seen(fitter.cells, physics, without):
                 found = [other for other in found if other is not change]
                 chosen, physics, held = fewer, without, error
                 break
         else:
             break
     return chosen, found, physics, held
+
+
+def _is_seen(cells: Cells, one: Fit, other: Fit) -> bool:
+    """Return whether two fits differ by as much as evidence of `settings.LEAST_LOSS` requires."""
+    # a difference of chi-squared x gives a log likelihood ratio of at most x / 2
+    square = (one.residual - other.residual) ** 2 / cells.variance
+    return bool(np.sum(square) > 2.0 * settings.LEAST_LOSS)
 
 
 def _is_implausible(physics: Fit, change: Change) -> bool:

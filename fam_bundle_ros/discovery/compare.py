@@ -25,9 +25,10 @@ from fam_bundle_ros.data.grouping import (
     varying_unit,
 )
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import noise_floor, NoiseFloor, visit_cells
+from fam_bundle_ros.data.noise import NoiseFloor, visit_cells
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.unit_slips import slips
+from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.predict import free_mask, matched, predict, stiffness
 from fam_bundle_ros.model import Bundle
@@ -165,7 +166,7 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     data = matched(model, data)
     prediction = predict(model, data)
     residual = data.force - prediction
-    floor = noise or noise_floor(data, residual)
+    floor = noise or floor_of(data, residual)
     past_free = free_mask(model, data)
     maps = residual_maps(data, residual)
     lack = lack_of_fit(data, residual, floor)

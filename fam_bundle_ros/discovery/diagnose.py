@@ -21,7 +21,6 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
 from fam_bundle_ros.discovery.add import recommend
@@ -37,6 +36,7 @@ from fam_bundle_ros.discovery.compare import compare, Comparison
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
+from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import family, Options
@@ -46,8 +46,15 @@ from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.templates import describe
-from fam_bundle_ros.discovery.verdict import DOUBTED, Finding, judge
-from fam_bundle_ros.discovery.words import next_experiment, not_named, notes_on, renamed, summarise
+from fam_bundle_ros.discovery.verdict import Finding, judge, shown_probability
+from fam_bundle_ros.discovery.words import (
+    error_of_used,
+    next_experiment,
+    not_named,
+    notes_on,
+    renamed,
+    summarise,
+)
 from fam_bundle_ros.model import Bundle, catalogue
 from fam_bundle_ros.processes import on_one_core
 
@@ -113,7 +120,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
             held_out(fitter, other, beside).of_rows(beyond), fitter)
         recommended = min(recommended, replace(likewise, others=True),
                           key=lambda each: each.held_out_N)
-    noise = noise_floor(data, data.force - predict(best, data))
+    noise = floor_of(data, data.force - predict(best, data))
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))
     doubts = () if finding.verdict == 'unexplained' else not_named(posterior, chosen, alike)
@@ -121,7 +128,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     return Diagnosis(
         verdict=finding.verdict, model=model, measurement=comparison.measurement,
         summary=summarise(finding, answer, found, ties, trades, base, shapes,
-                          {**error, 'noise': noise.value}),
+                          {**error, 'noise': noise.value,
+                           'used': error_of_used(cells, best, error['best'])}),
         comparison=comparison,
         effects=tuple(change.label for change in answer if not change.old),
         shapes=tuple(change.new for change in answer if not change.old),
@@ -252,8 +260,6 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
              finding: Finding, beyond: float) -> tuple[Candidate, ...]:
     """Return every effect that was tried, with its most probable set; named effects first."""
     fitter = search.fitter
-    most = DOUBTED if finding.warnings or finding.refusals else 1.0
-    most = 0.5 if finding.refusals or (finding.verdict == 'unexplained') else most
     chosen = {change.label: change for change in answer}
     order = [*chosen, *sorted((label for label in posterior.labels() if label not in chosen),
                               key=lambda label: -posterior.of_label(label))]
@@ -271,10 +277,10 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
         error = float(np.hypot(np.sqrt(square), beyond))
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
-        probability = posterior.of_label(label)
+        probability = shown_probability(finding, posterior.of_label(label), label in chosen)
         law = catalogue.available().get(name)
         entries.append(Candidate(
-            label, name, family(name), min(probability, most), error,
+            label, name, family(name), probability, error,
             search.best.posterior - best[0].posterior, tuple(own),
             law.signature if law else '', replaces=change.old if change.new else '',
             removes=not change.new))

@@ -50,11 +50,14 @@ class Left:
     beside : float
         Both together in the joint fit, where the discrepancy also takes part of what the effects
         alone would explain.
+    of_rows : float, optional
+        ``total`` as the mean over rows, like printed errors; the others are means over cells.
     """
 
     smooth: float
     rough: float
     beside: float = 0.0
+    of_rows: float | None = None
 
     @property
     def total(self) -> float:
@@ -75,10 +78,17 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     if h.is_white:
         return Left(0.0, rough, rough)
     smooth = covariance.mean_of(h, fit.hyper, fit.residual)
-    beside = square = float(np.mean(smooth ** 2))
-    if not (implausible_geometry(physics) or _impossible(physics)):
-        square = min(square, max(float(np.mean(physics.residual ** 2)) - rough ** 2, 0.0))
-    return Left(float(np.sqrt(square)), rough, float(np.hypot(np.sqrt(beside), rough)))
+    plausible = not (implausible_geometry(physics) or _impossible(physics))
+
+    def square(weights: np.ndarray | None) -> float:
+        most = float(np.average(smooth ** 2, weights=weights))
+        if not plausible:
+            return most
+        whole = float(np.average(physics.residual ** 2, weights=weights))
+        return min(most, max(whole - rough ** 2, 0.0))
+    beside = float(np.sqrt(np.mean(smooth ** 2)))
+    return Left(float(np.sqrt(square(None))), rough, float(np.hypot(beside, rough)),
+                float(np.sqrt(square(covariance.cells.count) + rough ** 2)))
 
 
 def implausible_geometry(physics: Fit) -> list[str]:
@@ -161,6 +171,20 @@ class Finding:
         return self.verdict in ('missing_effect', 'partial')
 
 
+def shown_probability(finding: Finding, probability: float, named: bool) -> float:
+    """
+    Return the probability of an effect as it is shown: not above what other doubts allow.
+
+    Evidence enough for a name, without one: the effect does not improve the prediction of
+    held-out folds, or its constants are implausible. Then it is not likelier than not.
+    """
+    enough = 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS))
+    if (finding.refusals or finding.verdict == 'unexplained'
+            or not named and probability >= enough):
+        return min(probability, 0.5)
+    return min(probability, DOUBTED if finding.warnings else 1.0)
+
+
 def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
           found: Sequence[Change], held: HeldOut, artefacts: Sequence[Artefact],
           inclusion: float, likely: bool) -> Finding:
@@ -209,7 +233,8 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
             moved = _needs_recalibration(fitter, null, inclusion)
             verdict = 'recalibrate' if moved else 'adequate'
     elif (refusals or after.total > max(negligible(cells), abnormal)
-          or after.beside > negligible(cells) and explained < settings.MOST_OF_IT):
+          or (structured or after.beside > negligible(cells))
+          and explained < settings.MOST_OF_IT):
         verdict = 'unexplained'
     else:
         rest = structured or after.total > negligible(cells)

@@ -23,6 +23,7 @@ from fam_bundle_ros.discovery.options import head
 from fam_bundle_ros.discovery.posterior import Change, Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding
+from fam_bundle_ros.model import Bundle
 
 Ties = tuple[tuple[str, ...], ...]
 #: Most trades named in the summary; all are in a list of the diagnosis.
@@ -69,7 +70,8 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     shapes : sequence of Template
         Shapes that the error resembles.
     error : mapping of str to float
-        Rms errors ``recalibrated`` and ``best``, and the noise floor ``noise``, N.
+        Rms errors ``recalibrated`` and ``best``, the latter in the ``used`` rows alone (see
+        `error_of_used`), and the noise floor ``noise``, N.
     """
     faint = (f'; {finding.faint:.2g} N rms of a smooth shape are left, less than half the noise '
              'of a row: a smaller --unexplained searches for effects of this size'
@@ -87,13 +89,13 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         shape = _shape(shapes, 'no plain shape')
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
-            f'{finding.after.total:.2g} N of structure would be left')
+            f'{_size_left(finding):.2g} N of structure would be left')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
                 f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
     text, s = ' and '.join(map(what, answer)), 's' if len(answer) == 1 else ''
     if finding.verdict == 'partial':
         text += (f' take{s} the error from {error["recalibrated"]:.3g} to {error["best"]:.3g} N; '
-                 f'a smooth discrepancy of {finding.after.total:.2g} N is left')
+                 + _left(finding, error['best']))
         if finding.warnings:
             text += '; caution: ' + '; '.join(finding.warnings)
     elif finding.after.rough > settings.VISIBLE * error['best']:
@@ -114,13 +116,36 @@ def _shape(shapes: Sequence[Template], otherwise: str) -> str:
     return most[0] if most else otherwise
 
 
+def _size_left(finding: Finding) -> float:
+    return finding.after.total if finding.after.of_rows is None else finding.after.of_rows
+
+
+def _left(finding: Finding, best: float) -> str:
+    """Return the size of the discrepancy; it may exceed the error of a distorted model."""
+    left = _size_left(finding)
+    near = ' if the dimensions stay near their usual values' if left > best else ''
+    return f'a smooth discrepancy of {left:.2g} N is left{near}'
+
+
 def _down_to(noise_only: str, error: Mapping[str, float]) -> str:
     """Return what is explained: the words for all but noise, or that more is left."""
-    best, noise = error['best'], error['noise']
+    best, noise = error['used'], error['noise']
     if best ** 2 - noise ** 2 > (settings.VISIBLE * best) ** 2:
         return (f'the error down to {best:.3g} N rms, above the noise floor of {noise:.3g} N, '
                 'without a further shape that is known')
     return noise_only
+
+
+def error_of_used(cells: Cells, model: Bundle, error: float) -> float:
+    """
+    Return the rms error of a model in the rows that fits use, N.
+
+    Spikes and rows of unknown direction of motion say nothing about the model. Of a long log,
+    whose rows were averaged, it is ``error``, that in all rows.
+    """
+    if cells.rows > len(cells.label):
+        return error
+    return rms((cells.data.force - model.predict(cells.motion))[cells.label >= 0])
 
 
 def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
@@ -192,12 +217,12 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         notes.append(floor.note)
     left_out = int((cells.label < 0).sum())
     if left_out:
-        missed = (data.force - final.model.predict(cells.motion))[cells.label >= 0]
+        missed = data.force - final.model.predict(cells.motion)
         why = ', '.join(f'{rows} {words}' for words, rows in cells.unused.items())
         averaged = (f' (averages of neighbours; the log has {cells.rows})'
                     if cells.rows > len(cells.label) else '')
         notes.append(f'{left_out} of {len(cells.label)} rows{averaged} are not used ({why}); on '
-                     f'the others the best error is {rms(missed):.3g} N')
+                     f'the others the best error is {rms(missed[cells.label >= 0]):.3g} N')
     if cells.stiffness is not None:
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "

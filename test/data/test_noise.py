@@ -155,6 +155,34 @@ def test_what_all_trials_share_is_no_offset_of_one(sweeps):
                        for _ in range(8))
 
 
+def test_rows_that_cross_the_edge_of_a_cell_again_and_again_are_no_repeats():
+    """The strain is noisy there, and noise with a memory has not changed much meanwhile."""
+    rng, rows = np.random.default_rng(0), 4000
+    strain = 0.2 * np.abs(np.arange(rows) / 2000.0 - 1.0) + 1e-4 * rng.normal(size=rows)
+    slow = lfilter([np.sqrt(1.0 - 0.9 ** 2)], [1.0, -0.9], rng.normal(size=rows))
+
+    def log(trials):
+        return build('log', strain, np.full(rows, 2e5), slow, np.arange(rows) * trials // rows,
+                     0.02 * np.arange(rows))
+    assert noise_floor(log(1)).repeats is None
+    # two times each way
+    there = np.tile(strain[::2], 2)
+    twice = build('twice', there, np.full(rows, 2e5), slow, None, 0.02 * np.arange(rows))
+    assert noise_floor(twice).repeats == pytest.approx(1.0, rel=0.3)
+
+
+def test_a_force_that_goes_with_the_speed_is_no_offset(sweeps):
+    """Half of the trials ten times faster: 4 N more in them may be an effect of the rate."""
+    slow, fast = sweeps(noise=0.0, cycles=1), sweeps(noise=0.0, cycles=1, speed=0.24)
+    rows = len(slow)
+    data = build('speeds', np.tile(slow.strain, 2), np.tile(slow.pressure, (2, 1)),
+                 np.append(slow.force, fast.force), np.append(slow.trial, slow.trial + 6),
+                 np.append(slow.time, fast.time + 500.0))
+    noise = 0.5 * np.random.default_rng(1).normal(size=2 * rows)
+    assert trial_offsets(data, noise + 4.0 * (data.trial > 5)) is None
+    assert trial_offsets(sweeps(noise=0.0), noise + 4.0 * (data.trial > 5)).size > 1.0
+
+
 @pytest.mark.parametrize('named', [True, False])
 def test_repeats_of_a_map_have_offsets_too(muscle, named):
     """Blocks of the file, or trials; where each point is repeated at once there are no blocks."""

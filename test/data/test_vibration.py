@@ -67,6 +67,19 @@ def test_a_ripple_over_the_strain_is_no_vibration(ripple):
         0.625, rel=0.02)
 
 
+def test_an_error_that_returns_with_the_pressure_is_no_vibration():
+    """A held muscle that is filled and vented at one rate: loops are periodic in time too."""
+    sweeps = log()
+    pressure = 5e5 - 2e6 * sweeps.strain + 300.0 * noise(len(sweeps), 1)
+    data = build('held', np.full(len(sweeps), 0.1), pressure, sweeps.force, sweeps.trial,
+                 sweeps.time)
+    loop = 1.5 * data.direction * np.sin(2.0 * np.pi * pressure / 1e5)
+    assert vibration(data, loop + 0.5 * noise(len(data)), 0.5) is None
+    in_time = 1.5 * np.sin(2.0 * np.pi * data.time / 0.7 + 2.0 * data.trial)
+    assert vibration(data, in_time + 0.5 * noise(len(data)), 0.5).period == pytest.approx(
+        0.7, rel=0.02)
+
+
 def test_a_pure_sine_is_found_without_a_warning():
     """Nothing else is left to compare it with."""
     data = log(1)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery.artefacts import _drifts, drift
 from fam_bundle_ros.discovery.cells import negligible, reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
@@ -27,7 +28,7 @@ def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
     fitter = Fitter(cells, Covariance(cells, 0.01))
     options = Options.of(paper_muscle, cells, Choices())
     fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
-    slow = 6.0 * np.sin(cells.time / 20.0)
+    slow = 6.0 * np.sin(cells.time / 33.0)
     wave = 2.0 * np.sin(30.0 * cells.strain)
     both = Hyper(even=11, strain=3, pressure=1, slow=11, tau=2)
     drifting = replace(fit, hyper=both, residual=slow)
@@ -35,6 +36,11 @@ def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
     assert size == pytest.approx(np.sqrt(np.mean(slow ** 2)), rel=0.2)
     assert drift(fitter.covariance, replace(fit, hyper=both, residual=wave)) < 0.5
     assert drift(fitter.covariance, replace(drifting, hyper=both._replace(slow=0))) == 0.0
+    # what comes back with the strain is none, though time alone could follow it
+    alone = both._replace(even=0)
+    returning = replace(fit, hyper=alone, residual=6.0 * np.sin(10.0 * cells.strain))
+    assert drift(fitter.covariance, returning) < 0.4 * rms(returning.residual)
+    assert drift(fitter.covariance, replace(drifting, hyper=alone)) == pytest.approx(size, rel=0.3)
 
     assert [each.words.split(' within')[0] for each in _drifts(fitter, drifting)] == [
         f'the error drifts by {size:.2g} N rms']

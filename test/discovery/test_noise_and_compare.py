@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import compare, diagnose, noise_floor, read_measurement
@@ -38,6 +39,35 @@ def test_slow_noise_shows_as_repeats_that_differ_more_than_neighbours(sweeps, pa
     assert floor.repeats == pytest.approx(1.0, rel=0.2)
     assert floor.differences < 0.6 * floor.repeats
     assert 'history' in floor.note
+
+
+def test_noise_with_a_memory_is_not_called_an_error(paper_muscle):
+    """Of 0.6 N with a memory of 5 rows neighbours show 0.22 N; the floor is that of the fit."""
+    rows, share, rng = 4800, np.exp(-0.2), np.random.default_rng(3)
+    isobar = np.arange(rows) // 800
+    strain = 0.24 * np.abs(np.arange(rows) / 400.0 % 2.0 - 1.0)
+    pressure = 80e3 * isobar[:, None]
+    noise = lfilter([0.6 * np.sqrt(1.0 - share ** 2)], [1.0, -share], rng.normal(size=rows))
+    data = build('slow', strain, pressure, paper_muscle.force(strain, pressure) + noise, isobar,
+                 0.025 * np.arange(rows) + isobar)
+    floor = compare(paper_muscle, data).noise
+    assert floor.differences < 0.3
+    assert floor.value == pytest.approx(0.6, rel=0.3)
+    assert 'by means of neighbours (second differences 0.2' in str(floor)
+    result = diagnose(paper_muscle, data, choices=Choices(most=1))
+    assert result.summary == 'the model explains the data down to their noise'
+    assert result.to_dict()['noise_floor_N'] == pytest.approx(floor.value, rel=0.05)
+
+
+def test_rows_that_no_fit_uses_do_not_count_as_error(sweeps, paper_muscle):
+    """Spikes, and rows at turning points: told apart, while the others are down to the noise."""
+    data = sweeps(paper_muscle.with_effect('coulomb_friction', force=12.0), noise=0.3)
+    force = data.force.copy()
+    force[50::200] += 30.0
+    result = diagnose(paper_muscle, replace(data, force=force), choices=Choices(most=1))
+    assert result.error_N['best'] > 5.0 * result.noise.value
+    assert 'explains the error down to the noise' in result.summary
+    assert 'spikes' in ' '.join(result.notes)
 
 
 def test_ripple_that_comes_back_is_not_noise(sweeps):

@@ -60,7 +60,7 @@ def test_what_is_left_without_a_shape_is_not_called_noise(rough, noise, told):
     finding = Finding('missing_effect', Left(3.1, 0.2), Left(0.0, rough), 0.8)
     friction = [Change('', 'coulomb_friction')]
     said = summarise(finding, friction, friction, (), (), None, (), {
-        'recalibrated': 3.1, 'best': 1.36, 'noise': noise})
+        'recalibrated': 3.1, 'best': 1.36, 'used': 1.36, 'noise': noise})
     assert told in said
     assert ('1% of the largest' in said) == (rough > 1.0)
 
@@ -121,7 +121,7 @@ def said(verdict, answer=(), found=(), ties=(), trades=(), shapes=(), after=0.2,
     """Return the sentence of a verdict; errors of 3.1 N before and 0.6 N after."""
     return summarise(Finding(verdict, Left(3.1, 0.2), Left(after, 0.0), 0.8, **more), answer,
                      found, ties, trades, BASE, shapes,
-                     {'recalibrated': 3.1, 'best': best, 'noise': 0.59})
+                     {'recalibrated': 3.1, 'best': best, 'used': best, 'noise': 0.59})
 
 
 def test_changes_and_models_are_named_by_what_was_changed():
@@ -161,6 +161,9 @@ def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
     assert said('unexplained', found=(DRY, CAPS), shapes=(shape,)) == (
         f'{start}a bump about strain 0.1 (nearest: coulomb_friction and end_caps, but 0.2 N of '
         'structure would be left)')
+    told = summarise(Finding('unexplained', Left(3.1, 0.2), Left(18.0, 0.0, 18.0, 7.0), 0.8), (),
+                     (DRY,), (), (), BASE, (), {})
+    assert told.endswith('but 7 N of structure would be left)')  # a mean over rows, as errors
     assert said('unexplained', found=(DRY,), refusals=('it is bent', 'it is odd')).endswith(
         '(nearest: coulomb_friction, but it is bent; it is odd)')
     artefact = SimpleNamespace(words='trial 3 is off', remedy='tare before each trial')
@@ -176,9 +179,12 @@ def test_an_answer_says_how_much_it_explains_and_what_could_take_its_place():
         'coulomb_friction explains the error down to the noise')
     assert said('missing_effect', (DRY, CAPS)).startswith(
         'coulomb_friction and end_caps explain the error')
-    assert said('partial', (CAPS,), after=1.25, warnings=('one speed',)) == (
-        'end_caps takes the error from 3.1 to 0.6 N; a smooth discrepancy of 1.2 '
+    assert said('partial', (CAPS,), after=0.25, warnings=('one speed',)) == (
+        'end_caps takes the error from 3.1 to 0.6 N; a smooth discrepancy of 0.25 '
         'N is left; caution: one speed')
+    # more than the error: the model is distorted
+    assert said('partial', (CAPS,), after=13.0).endswith(
+        ' a smooth discrepancy of 13 N is left if the dimensions stay near their usual values')
     tied = said('missing_effect', (DRY,), ties=(('a', 'b'),), trades=('c with d', 'e with f', 'g'))
     assert tied.endswith('; these data cannot tell apart a and b; c with d; e with f '
                          '(and 1 more)')
