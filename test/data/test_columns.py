@@ -187,6 +187,25 @@ def test_two_pressures_are_two_motor_units(log):
     assert named.motor_units == ('left', 'right')
 
 
+def test_a_pressure_that_is_told_as_a_number_comes_after_those_of_the_file(log):
+    """However it is told: the motor units stand as their columns do."""
+    data = read_measurement(table(log), columns={
+        'pressure.hand': '100 kPa', 'pressure.gauge': 'pressure [kPa]'})
+    assert data.motor_units == ('gauge', 'hand')
+    assert np.allclose(data.pressure, np.stack([log[2], np.full(ROWS, 1e5)], -1))
+
+
+@pytest.mark.parametrize(('apart', 'same'), [(1e-4, True), (0.02, False)])
+def test_a_force_in_two_units_is_one_force_unless_the_readings_differ(log, apart, same):
+    """Rounded or not, in N and in kN; two cells that differ by a fiftieth are asked for."""
+    data = {**table(log), 'Kraft [kN]': (1.0 + apart) * log[3] / 1e3}
+    if same:
+        assert np.allclose(read_measurement(data).force, log[3], rtol=2e-4)
+    else:
+        with pytest.raises(InputError, match='both may be force'):
+            read_measurement(data)
+
+
 def test_two_equal_forces_are_asked_for(log):
     """Forces of two cells add up, be they equal; a clock beside each channel is one clock."""
     data = {**table(log, force=('force 1 [N]', log[3] / 2)), 'force 2 [N]': log[3] / 2}
