@@ -196,9 +196,13 @@ def test_a_pressure_that_is_told_as_a_number_comes_after_those_of_the_file(log):
 
 
 @pytest.mark.parametrize(('apart', 'same'), [(1e-4, True), (0.02, False)])
-def test_a_force_in_two_units_is_one_force_unless_the_readings_differ(log, apart, same):
+@pytest.mark.parametrize(('first', 'second'), [('N', 'kN'), ('kN', 'N')])
+def test_a_force_in_two_units_is_one_force_unless_the_readings_differ(
+        log, first, second, apart, same):
     """Rounded or not, in N and in kN; two cells that differ by a fiftieth are asked for."""
-    data = {**table(log), 'Kraft [kN]': (1.0 + apart) * log[3] / 1e3}
+    size = {'N': 1.0, 'kN': 1e3}
+    data = {**table(log, force=(f'force [{first}]', log[3] / size[first])),
+            f'Kraft [{second}]': (1.0 + apart) * log[3] / size[second]}
     if same:
         assert np.allclose(read_measurement(data).force, log[3], rtol=2e-4)
     else:
@@ -292,6 +296,13 @@ def test_what_is_told_wrongly_fails(log, columns, words):
     """An unknown quantity, column or unit is named."""
     with pytest.raises(InputError, match=words):
         read_measurement(table(log), columns=columns)
+
+
+def test_the_unit_in_the_header_of_a_told_column_must_fit(log):
+    """A lever in mm is no force, however surely it is told."""
+    data = table(log, force=('lever [mm]', log[3]))
+    with pytest.raises(InputError, match=r"'lever \[mm\]'.*'mm' does not fit"):
+        read_measurement(data, columns={'force': 'lever [mm]'})
 
 
 def test_the_unit_told_counts_more_than_the_header(log):

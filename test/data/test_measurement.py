@@ -98,14 +98,14 @@ def test_what_a_message_expects_is_accepted(known, quantity):
 def test_a_measurement_says_in_a_line_what_it_holds():
     """Samples, trials or map, muscles, and the ranges in the units of the bench."""
     share = np.linspace(0.0, 1.0, 24)
-    one = build('log', 0.2 * share, 310e3 * share, 50.0 - 90.0 * share,
+    one = build('log', 0.2 * share, 900e3 * share, 50.0 - 90.0 * share,
                 np.repeat([0, 1], 12), 0.1 * np.arange(24))
     assert str(one).splitlines()[0] == (
-        'log: 24 samples, 2 trials, one muscle, strain 0.000 to 0.200, pressure 0 to 310 kPa, '
+        'log: 24 samples, 2 trials, one muscle, strain 0.000 to 0.200, pressure 0 to 900 kPa, '
         'force -40 to 50 N')
-    two = build('map', 0.2 * share, np.stack([310e3 * share, 50e3 - 20e3 * share], -1), share)
+    two = build('map', 0.2 * share, np.stack([900e3 * share, 50e3 - 20e3 * share], -1), share)
     assert 'static map, 2 motor units, ' in str(two)
-    assert 'pressure 0 to 310 kPa' in str(two)
+    assert 'pressure 0 to 900 kPa' in str(two)
 
 
 @pytest.mark.parametrize(('header', 'words'), [

@@ -208,10 +208,17 @@ def test_common_subexpressions_are_worked_out_once():
     assert partials(decay, ('x', 'rate')).source.count('np.exp') == 1
 
 
-def test_branch_that_is_not_taken_has_no_say():
+def _root_or_zero(x):
+    return np.where(x > 0.0, np.sqrt(x) / x, 0.0) * 2.0
+
+
+def _zero_or_root(x):
+    return np.where(x <= 0.0, 0.0, np.sqrt(x) / x) * 2.0
+
+
+@pytest.mark.parametrize('shifted_root', [_root_or_zero, _zero_or_root])
+def test_branch_that_is_not_taken_has_no_say(shifted_root):
     """A root of a negative number in the other branch does not make the slope nan."""
-    def shifted_root(x):
-        return np.where(x > 0.0, np.sqrt(x) / x, 0.0) * 2.0
     with np.errstate(all='ignore'):
         slope = partials(shifted_root, ('x',)).function(np.array([-1.0, 0.0, 4.0]))[1]
     assert list(slope) == [0.0, 0.0, pytest.approx(-0.125)]
