@@ -12,6 +12,7 @@ from fam_bundle_ros.control.agreement import ForceWatch, SupplyWatch
 from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
 from fam_bundle_ros.control.safety import OVER_PRESSURE, trip_pressure
 from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.plant import (
     Dynamometer,
     linearise,
@@ -346,3 +347,14 @@ def test_only_commands_that_can_have_acted_explain_a_pressure():
     assert made._range_of_commands(0.15, 0.0) == (0.3, 1.0)
     assert made._range_of_commands(0.15, 0.2) == (-0.4, 0.3)
     assert made._range_of_commands(0.15, 0.3) == (-0.4, -0.4)
+
+
+@pytest.mark.parametrize('share', [-1e-3, 1e-3])
+def test_the_bounds_of_a_motion_hold_slow_and_quick_compression(share):
+    """P V^n is constant, n from 1 (slow) to 1.4 (quick): a chamber that changes by 0.1 %."""
+    watch, pressure, volume = Loop().watches[0], 200e3, 20e-6
+    low, high = (watch._motion(pressure, volume, share * volume, most) for most in (False, True))
+    changes = [(pressure + ATMOSPHERE) * ((1.0 + share) ** -exponent - 1.0)
+               for exponent in (1.0, 1.2, 1.4)]
+    assert low - 2.0 < min(changes) < max(changes) < high + 2.0
+    assert high - low == pytest.approx(max(changes) - min(changes), rel=0.05)
