@@ -328,6 +328,18 @@ def test_a_muscle_that_folds_where_its_model_pushes_is_no_fault():
     assert watch.see(0.2, 60.0, 0.1, [100e3, 0.0])
 
 
+def test_a_force_that_is_too_low_is_a_fault_only_where_the_target_is_missed(force_watch):
+    """A muscle may be weaker than its model; a controller that gets nowhere is told why."""
+    watch, force = force_watch
+    shown = [340e3, 340e3]
+    for off_target in (False, True):
+        said = [watch.see(0.01 * k, 0.3 * force(shown), 0.1, shown, off_target) for k in range(9)]
+        assert ('give at least' in said[-1]) == off_target
+    # the clock was set back: the patience begins anew
+    assert watch.see(-5.0, 0.3 * force(shown), 0.1, shown, True) == ''
+    assert watch.see(-4.9, 0.3 * force(shown), 0.1, shown, True)
+
+
 @pytest.mark.parametrize('gain', [0.93, 1.0, 1.07])
 def test_the_force_tells_which_unit_is_above_its_limit(force_watch, gain):
     """A reading that drifted down at the top; not a model 7 % off, whatever the pressures."""
