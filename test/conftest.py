@@ -58,7 +58,7 @@ LONG = ['discovery/test_diagnose.py', 'workbench/test_browser_story.py', 'cli/te
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """Do not look for garbage among 6000 tests that stay, now or later: 15 s of each worker."""
+    """Do not look for garbage among 6000 tests that stay, now or later: seconds of each worker."""
     gc.disable()
     try:
         return (yield)
