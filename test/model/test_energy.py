@@ -71,6 +71,12 @@ def test_a_muscle_of_twice_the_size_pulls_four_times_as_hard(size):
     assert other == pytest.approx(size ** 2 * one, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize('name', LOSSES)
+def test_no_bound_lets_a_loss_drive_the_muscle(name):
+    """Sizes of friction, damping and relaxation are not negative, whatever a fit would like."""
+    assert all(parameter.lower >= 0.0 for parameter in LAWS[name].parameters)
+
+
 @pytest.mark.parametrize('name', SENSORS)
 def test_an_instrument_may_err_as_far_one_way_as_the_other(name):
     """No error unless told, and bounds that do not take sides."""
