@@ -334,7 +334,11 @@ def test_a_preview_shows_what_reading_would_do(log):
     assert [taken.quantity for taken in shown.taken] == ['time', 'length', 'pressure', 'force']
     assert 'rest length' in shown.problem
     assert shown.measurement is None
-    assert len(shown.cells['force [N]']) == 20
+    assert [float(cell) for cell in shown.cells['force [N]']] == pytest.approx(log[3][:20], 1e-5)
+    state = np.array(['up', None, 'down', 'a' * 99] * (ROWS // 4), object)
+    odd = preview({**table(log), 'state': state, 'gauge 2': np.append(np.nan, log[3][1:])})
+    assert odd.cells['state'][:4] == ['up', '', 'down', 'a' * 60]
+    assert odd.cells['gauge 2'][0] == ''
     fine = preview(table(log))
     assert fine.problem == ''
     assert len(fine.measurement) == fine.rows == ROWS
