@@ -67,6 +67,8 @@ def test_valve_is_closed_within_its_dead_band():
     valve = ValveConfig(dead_band=0.05)
     assert valve.flow(valve.opening(0.049), 2e5, 6e5) == 0.0
     assert valve.flow(valve.opening(1.0), 1.5e5, 6e5) == pytest.approx(C * 6e5 * 1.185)
+    # half open to the ambient: choked by its own pressure, whatever the supply
+    assert valve.flow(-0.5, 6e5, 7e5) == pytest.approx(-0.5 * C * 6e5 * 1.185)
     for opening in (-1.0, -0.37, 0.0, 0.02, 1.0):
         assert valve.opening(valve.command(opening)) == pytest.approx(opening)
     assert valve.command(0.0) == 0.0
