@@ -8,6 +8,7 @@ rclpy is imported by the fixtures that need it, so that tests of the library run
 
 from dataclasses import is_dataclass
 import fcntl
+import gc
 from importlib import import_module
 import os
 from pathlib import Path
@@ -53,6 +54,17 @@ LONG = ['discovery/test_diagnose.py', 'workbench/test_browser_story.py', 'cli/te
         'nodes/test_rig_probe.py', 'workbench/test_browser_live.py', 'nodes/test_session.py',
         'nodes/test_safety.py', 'nodes/test_fault_run.py', 'nodes/test_measuring.py',
         'control/test_benchmark.py', 'nodes/test_story.py']
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Do not look for garbage among 6000 tests that stay, now or later: seconds of each worker."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items):

@@ -90,6 +90,13 @@ def test_gains_are_shares_of_what_the_bundle_gives(paper_bundle):
     assert command.pressure == pytest.approx(0.4 * 2.0 * 0.5 * full)
 
 
+def test_gains_for_a_strain_are_shares_of_a_fifth(paper_bundle):
+    """An error of 0.2 answers with gain times the largest pressure, whatever the bundle."""
+    made = controller(paper_bundle, 'equal_pressure', strain_gain=0.5, strain_integral=0.0)
+    command = made.update(4e-3, seen(10.0), Reference('strain', 0.1 + 0.08))
+    assert command.pressure == pytest.approx(0.5 * 0.08 / 0.2 * paper_bundle.max_pressure)
+
+
 @pytest.mark.parametrize('scheme', ['equal_pressure', 'threshold'])
 def test_integral_stops_at_full_pressure(paper_bundle, scheme):
     """After a minute of a demand out of reach, less is given as soon as less is asked for."""

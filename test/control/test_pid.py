@@ -12,6 +12,7 @@ from fam_bundle_ros.control import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.valve_learning import (
     begin_readings,
     learn_dead_band,
+    learn_flow,
     ValveLearningState,
 )
 from fam_bundle_ros.errors import InputError
@@ -98,6 +99,28 @@ def test_how_much_a_valve_passes_is_learnt(chamber):
         loop.run(quick_ramp, 4.0)
         return max(abs(p - quick_ramp(t - 9.8e-3)) for t, p, _ in loop.run(quick_ramp, 0.4))
     assert max(error(7.86e-9), error(2.62e-9)) < 1.3 * error(3.93e-9)
+
+
+@pytest.mark.parametrize(('share', 'towards'), [(0.8, -1.0), (1.2, 1.0)])
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_each_side_of_a_valve_learns_from_its_own_rates_only(side, share, towards):
+    """A share of the rate comes: the flow of that side goes there, by its own size of a rate.
+
+    The other side passes a tenth, which must not matter.
+    """
+    def learnt(other):
+        valve, rate, dt = ValveLearningState(), side * 2e5, 2e-3
+        full = {side: 1e6, -side: other}
+        begin_readings(valve, 2e5)
+        for k in range(1, 100):
+            learn_dead_band(valve, 0.05, 2e5 + share * rate * dt * k, rate * dt * k, 0.0, 0.0,
+                            full[1.0], full[-1.0], 0.01, dt)
+            learn_flow(valve, side * dt * k, 0.0, full[1.0], full[-1.0], 0.01, dt)
+        return {1.0: valve.fill_flow, -1.0: valve.vent_flow}
+    found = learnt(1e5)
+    assert 0.01 < towards * (found[side] - 1.0) < 0.2
+    assert found[-side] == 1.0
+    assert learnt(1e7) == found
 
 
 def test_no_flow_is_learnt_from_noise_at_rest_nor_from_a_fault(chamber):

@@ -12,6 +12,7 @@ from fam_bundle_ros.control.agreement import ForceWatch, SupplyWatch
 from fam_bundle_ros.control.plausibility import GENTLE, InflowConfig, InflowWatch
 from fam_bundle_ros.control.safety import OVER_PRESSURE, trip_pressure
 from fam_bundle_ros.model import load_model
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.plant import (
     Dynamometer,
     linearise,
@@ -327,6 +328,18 @@ def test_a_muscle_that_folds_where_its_model_pushes_is_no_fault():
     assert watch.see(0.2, 60.0, 0.1, [100e3, 0.0])
 
 
+def test_a_force_that_is_too_low_is_a_fault_only_where_the_target_is_missed(force_watch):
+    """A muscle may be weaker than its model; a controller that gets nowhere is told why."""
+    watch, force = force_watch
+    shown = [340e3, 340e3]
+    for off_target in (False, True):
+        said = [watch.see(0.01 * k, 0.3 * force(shown), 0.1, shown, off_target) for k in range(9)]
+        assert ('give at least' in said[-1]) == off_target
+    # the clock was set back: the patience begins anew
+    assert watch.see(-5.0, 0.3 * force(shown), 0.1, shown, True) == ''
+    assert watch.see(-4.9, 0.3 * force(shown), 0.1, shown, True)
+
+
 @pytest.mark.parametrize('gain', [0.93, 1.0, 1.07])
 def test_the_force_tells_which_unit_is_above_its_limit(force_watch, gain):
     """A reading that drifted down at the top; not a model 7 % off, whatever the pressures."""
@@ -346,3 +359,14 @@ def test_only_commands_that_can_have_acted_explain_a_pressure():
     assert made._range_of_commands(0.15, 0.0) == (0.3, 1.0)
     assert made._range_of_commands(0.15, 0.2) == (-0.4, 0.3)
     assert made._range_of_commands(0.15, 0.3) == (-0.4, -0.4)
+
+
+@pytest.mark.parametrize('share', [-1e-3, 1e-3])
+def test_the_bounds_of_a_motion_hold_slow_and_quick_compression(share):
+    """P V^n is constant, n from 1 (slow) to 1.4 (quick): a chamber that changes by 0.1 %."""
+    watch, pressure, volume = Loop().watches[0], 200e3, 20e-6
+    low, high = (watch._motion(pressure, volume, share * volume, most) for most in (False, True))
+    changes = [(pressure + ATMOSPHERE) * ((1.0 + share) ** -exponent - 1.0)
+               for exponent in (1.0, 1.2, 1.4)]
+    assert low - 2.0 < min(changes) < max(changes) < high + 2.0
+    assert high - low == pytest.approx(max(changes) - min(changes), rel=0.05)

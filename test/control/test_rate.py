@@ -8,10 +8,12 @@ import pytest
 from fam_bundle_ros.control import ControllerConfig, OuterConfig
 from fam_bundle_ros.control.rate import (
     find_direction,
+    line_of,
     quiet_rate,
     rate_ahead,
     rate_doubt,
     RateState,
+    WINDOWS,
 )
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
@@ -89,6 +91,15 @@ def test_the_rate_of_a_motion_has_no_lag(ahead):
     then = 0.03 * np.pi * np.cos(np.pi * (time + ahead))
     moving = (time > 1.0) & (abs(then) > 0.2 * then.max()) & (abs(true) > 0.2 * then.max())
     assert abs(believed(strain, 0.0, ahead=ahead) - then)[moving].max() < 0.02 * then.max()
+
+
+@pytest.mark.parametrize('window', range(WINDOWS))
+def test_the_line_of_a_straight_motion_is_that_motion(window):
+    """Level and slope have no lag in any window once the start is forgotten."""
+    state = RateState()
+    for k in range(1000):
+        quiet_rate(state, 0.1 + 0.02 * DT * k, DT)
+    assert line_of(state, window) == pytest.approx((0.1 + 0.02 * DT * 999, 0.02), rel=1e-6)
 
 
 def test_what_slows_down_is_not_told_to_turn():

@@ -14,6 +14,7 @@ from fam_bundle_ros.control.safety import (
     kilopascals,
     LATE,
     LOST,
+    LostTime,
     OVER_PRESSURE,
     SensorWatch,
     State,
@@ -205,6 +206,23 @@ def test_one_late_reading_after_a_stall_latches_nothing():
     for k in range(30):
         watch.see(1.01 + k * 0.01, 12.0 + k)
     assert watch.health == Health.GOOD
+
+
+@pytest.mark.parametrize(('late', 'cause'), [(0.1, ''), (0.3, LATE)])
+def test_late_readings_of_a_tenth_of_a_second_are_a_busy_computer(late, cause):
+    """They put the channel out; a clock that is wrong for longer is a fault."""
+    watch = SensorWatch('force', 'N', WatchConfig(-50.0, 500.0, max_latency=0.015))
+    watch.see(0.0, 10.0)
+    for k in range(round(late / 0.01) + 1):
+        watch.see(1.0 + k * 0.01, 11.0 + k, latency=0.5)
+    assert (watch.health, watch.cause) == (Health.VENT, cause)
+
+
+def test_an_input_that_is_back_for_moments_only_is_lost():
+    """Lost for half a second of every two: that adds up; back for as long as the patience, not."""
+    for back, lost in ((3, True), (9, False)):
+        watch = LostTime()
+        assert any(watch.see(0.5 * k, k % (back + 2) < 2, 4.0) for k in range(100)) == lost
 
 
 def test_a_frozen_reading_does_not_heal():

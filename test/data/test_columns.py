@@ -187,6 +187,29 @@ def test_two_pressures_are_two_motor_units(log):
     assert named.motor_units == ('left', 'right')
 
 
+def test_a_pressure_that_is_told_as_a_number_comes_after_those_of_the_file(log):
+    """However it is told: the motor units stand as their columns do."""
+    data = read_measurement(table(log), columns={
+        'pressure.hand': '100 kPa', 'pressure.gauge': 'pressure [kPa]'})
+    assert data.motor_units == ('gauge', 'hand')
+    assert np.allclose(data.pressure, np.stack([log[2], np.full(ROWS, 1e5)], -1))
+
+
+@pytest.mark.parametrize(('apart', 'same'), [(1e-4, True), (0.02, False)])
+@pytest.mark.parametrize(('first', 'second'), [('N', 'kN'), ('kN', 'N')])
+def test_a_force_in_two_units_is_one_force_unless_the_readings_differ(
+        log, first, second, apart, same):
+    """Rounded or not, in N and in kN; two cells that differ by a fiftieth are asked for."""
+    size = {'N': 1.0, 'kN': 1e3}
+    data = {**table(log, force=(f'force [{first}]', log[3] / size[first])),
+            f'Kraft [{second}]': (1.0 + apart) * log[3] / size[second]}
+    if same:
+        assert np.allclose(read_measurement(data).force, log[3], rtol=2e-4)
+    else:
+        with pytest.raises(InputError, match='both may be force'):
+            read_measurement(data)
+
+
 def test_two_equal_forces_are_asked_for(log):
     """Forces of two cells add up, be they equal; a clock beside each channel is one clock."""
     data = {**table(log, force=('force 1 [N]', log[3] / 2)), 'force 2 [N]': log[3] / 2}
@@ -275,6 +298,13 @@ def test_what_is_told_wrongly_fails(log, columns, words):
         read_measurement(table(log), columns=columns)
 
 
+def test_the_unit_in_the_header_of_a_told_column_must_fit(log):
+    """A lever in mm is no force, however surely it is told."""
+    data = table(log, force=('lever [mm]', log[3]))
+    with pytest.raises(InputError, match=r"'lever \[mm\]'.*'mm' does not fit"):
+        read_measurement(data, columns={'force': 'lever [mm]'})
+
+
 def test_the_unit_told_counts_more_than_the_header(log):
     """A header that says kPa over readings in bar is put right by the option."""
     data = read_measurement(table(log, pressure=('pressure [kPa]', log[2] / 1e5)),
@@ -304,7 +334,11 @@ def test_a_preview_shows_what_reading_would_do(log):
     assert [taken.quantity for taken in shown.taken] == ['time', 'length', 'pressure', 'force']
     assert 'rest length' in shown.problem
     assert shown.measurement is None
-    assert len(shown.cells['force [N]']) == 20
+    assert [float(cell) for cell in shown.cells['force [N]']] == pytest.approx(log[3][:20], 1e-5)
+    state = np.array(['up', None, 'down', 'a' * 99] * (ROWS // 4), object)
+    odd = preview({**table(log), 'state': state, 'gauge 2': np.append(np.nan, log[3][1:])})
+    assert odd.cells['state'][:4] == ['up', '', 'down', 'a' * 60]
+    assert odd.cells['gauge 2'][0] == ''
     fine = preview(table(log))
     assert fine.problem == ''
     assert len(fine.measurement) == fine.rows == ROWS

@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 import os
+import re
 import resource
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from fam_bundle_ros import data as data_package
 from fam_bundle_ros.data.bagfile import bag_table
+from fam_bundle_ros.data.checks import ranges
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.rates import slope, smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
@@ -78,6 +80,32 @@ def test_garbage_in_a_csv_is_one_line_that_says_where(write, spoil, words):
     assert words in str(caught.value)
     assert str(caught.value).startswith('data.csv')
     assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('known', [
+    {}, {'max_pressure': 0.4e6, 'max_strain': 0.3}, {'max_pressure': 5e6, 'max_strain': 0.8}])
+@pytest.mark.parametrize('quantity', ['pressure', 'strain'])
+def test_what_a_message_expects_is_accepted(known, quantity):
+    """Up to the limit that it names, and not much beyond: not "between 0 and 0 MPa"."""
+    allowed = ranges(**known)[quantity]
+    low, high = (float(number) for number in re.search(
+        r'between ([\d.]+) and ([\d.]+)', allowed.words).groups())
+    size = {'MPa': 1e6}.get(allowed.words.split()[-1], 1.0)
+    assert allowed.low < size * low < size * high
+    assert 0.8 * allowed.high < size * high <= allowed.high
+
+
+def test_a_measurement_says_in_a_line_what_it_holds():
+    """Samples, trials or map, muscles, and the ranges in the units of the bench."""
+    share = np.linspace(0.0, 1.0, 24)
+    one = build('log', 0.2 * share, 900e3 * share, 50.0 - 90.0 * share,
+                np.repeat([0, 1], 12), 0.1 * np.arange(24))
+    assert str(one).splitlines()[0] == (
+        'log: 24 samples, 2 trials, one muscle, strain 0.000 to 0.200, pressure 0 to 900 kPa, '
+        'force -40 to 50 N')
+    two = build('map', 0.2 * share, np.stack([900e3 * share, 50e3 - 20e3 * share], -1), share)
+    assert 'static map, 2 motor units, ' in str(two)
+    assert 'pressure 0 to 900 kPa' in str(two)
 
 
 @pytest.mark.parametrize(('header', 'words'), [
@@ -155,7 +183,7 @@ def test_bags_give_gauge_pressure_at_the_stamps_of_the_force(tmp_path, storage):
                                      ('mu1/pressure', 'sensor_msgs/msg/FluidPressure'),
                                      ('mu2/pressure', 'sensor_msgs/msg/FluidPressure'))}
         for k in range(200):
-            nanosec = k * 10_000_000
+            nanosec = 1_700_000_000 * 10**9 + k * 10_000_000
             head = header(stamp(nanosec // 10**9, nanosec % 10**9), 'rig')
             zero = vector(0.0, 0.0, 0.0)
             strain = 0.1 + 0.05 * np.sin(0.02 * k)
@@ -173,6 +201,7 @@ def test_bags_give_gauge_pressure_at_the_stamps_of_the_force(tmp_path, storage):
                 writer.write(topics[name], nanosec, store.serialize_cdr(message, kind))
     data = read_measurement(path)
     assert data.motor_units == ('mu1', 'mu2')
+    assert np.allclose(data.time, 0.01 * np.arange(200))
     assert np.allclose(data.pressure[:, 0], 2e5)
     assert np.allclose(np.diff(data.pressure[:, 1]), 1e3)
     assert np.allclose(data.strain[50], 0.1 + 0.05 * np.sin(1.0))

@@ -320,6 +320,15 @@ def test_repeats_have_the_noise_of_a_sample_and_visits_tell_its_memory(muscle, m
         (1.5 - 2.0 * memory + 0.5 * memory ** 2) / 1.5), rel=0.05)
 
 
+def test_a_map_that_a_computer_made_has_no_noise():
+    """A plane of strain and pressure, each once: nothing scatters, and nothing is below zero."""
+    strain, pressure = (grid.ravel() for grid in np.meshgrid(
+        0.025 * np.arange(9), 50e3 * np.arange(8)))
+    floor = noise_floor(build('plane', strain, pressure, 2e-4 * pressure - 256.0 * strain))
+    assert floor.repeats is None
+    assert 0.0 <= floor.value < 1e-9
+
+
 def test_too_few_rows_have_the_spread_of_their_residual():
     """A median deviation, and that it cannot be told from an error."""
     floor = _chosen(np.array([0.0, 1.0, 2.0, 3.0, 50.0]), None, None, None, 1.0, 0)

@@ -87,13 +87,14 @@ def test_a_clock_of_twelve_hours_runs_on_past_one(muscle):
     assert np.allclose(np.diff(data.time), 0.05)
 
 
-def test_a_pause_of_the_log_begins_a_trial_and_is_said(muscle):
+@pytest.mark.parametrize(('length', 'words'), [(60.0, '60 s'), (7.95, '8 s')])
+def test_a_pause_of_the_log_begins_a_trial_and_is_said(muscle, length, words):
     """Runs in one file with one clock; a dropout of a second is no pause."""
-    pause = np.where(TIME >= 10.0, 60.0, 0.0)
+    pause = np.where(TIME >= 10.0, length, 0.0)
     data = of_clock('time [s]', TIME + pause, muscle)
     assert np.bincount(data.trial).tolist() == [200, 200]
-    assert any('pauses for 60 s before row 201' in note for note in data.notes)
-    assert len(of_clock('time [s]', TIME + pause / 60.0, muscle).trial_names) == 1
+    assert any(f'pauses for {words} before row 201' in note for note in data.notes)
+    assert len(of_clock('time [s]', TIME + pause / length, muscle).trial_names) == 1
 
 
 def test_rows_that_were_written_in_another_order_are_put_in_order(muscle):

@@ -132,6 +132,24 @@ def test_a_displacement_with_an_offset_is_noticed(log, header, offset, said):
     assert any('never is near zero' in note for note in data.notes) == said
 
 
+@pytest.mark.parametrize(('least', 'said'), [(0.0, False), (-0.03, False), (-0.08, True)])
+def test_a_contraction_that_begins_far_below_zero_is_noticed(log, least, said):
+    """A muscle is stretched a little by its load; by 8 % the zero is elsewhere. It is read."""
+    strain = least + 0.1 * log[1] / log[1].max()
+    data = read_measurement(table(log, strain=('contraction strain [%]', 100.0 * strain)))
+    assert np.allclose(data.strain, strain)
+    assert any('stretched by 8 %' in note for note in data.notes) == said
+    assert any('stretched' in note for note in data.notes) == said
+
+
+@pytest.mark.parametrize(('most', 'said'), [(0.004, True), (0.03, False)])
+def test_percents_that_never_reach_one_are_asked_about(log, most, said):
+    """0.4 % in all is no experiment, but 40 % as a ratio is; 3 % may be all there is."""
+    strain = most * log[1] / log[1].max()
+    data = read_measurement(table(log, strain=('contraction strain [%]', 100.0 * strain)))
+    assert any('is it a ratio' in note for note in data.notes) == said
+
+
 @pytest.mark.parametrize(('header', 'values', 'told', 'strain'), [
     ('position [mm]', lambda e: 30 - 100 * e, 'elongation=position [mm] - 30 mm',
      lambda e: 0.4 * e),

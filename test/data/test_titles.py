@@ -38,7 +38,7 @@ def same(data, forces, above=0.0):
 
 @pytest.mark.parametrize('title', [
     'Pressure: {} bar', 'Test {}: p = {} bar', 'Versuch bei {} bar', 'p_set = {} bar', '{} bar',
-    '# {} bar', 'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **',
+    '# {} bar', 'Isobar at {} bar', 'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **',
     'Specimen {}\nPressure,{},bar',
     'Probe {},,\nDate,3.5.2026,\nInnendruck: {} bar\nOperator,KM,'])
 def test_each_block_has_the_pressure_of_its_title(title, blocks, tmp_path):
@@ -117,7 +117,8 @@ def test_the_one_pressure_above_a_table_is_offered_as_a_constant(blocks, tmp_pat
         read(tmp_path, f'Pressure: 3.0 bar\n{HEAD}\n{rows[0]}')
 
 
-@pytest.mark.parametrize('title', ['Supply pressure: {} bar', 'Sensor range {} bar'])
+@pytest.mark.parametrize('title', [
+    'Supply pressure: {} bar', 'Sensor range {} bar', 'At the valve {} bar'])
 def test_a_pressure_of_something_else_is_not_that_of_the_muscle(title, blocks, tmp_path):
     """The pressure of a supply or the range of a sensor is not that of the rows."""
     rows, _ = blocks

@@ -227,6 +227,8 @@ def test_unseen_forces_are_held_against_the_measured_ones():
         np.testing.assert_allclose(below.y, measured - predicted, atol=1e-9)
     assert [trace.name for trace in points if trace.showlegend] == [
         'six-parameter form', 'recommended model']
+    assert (drawing.layout.yaxis.title.text, drawing.layout.yaxis2.title.text,
+            drawing.layout.xaxis2.title.text) == ('predicted (N)', 'residual (N)', 'measured (N)')
     result.recommended.leftover = 'table'
     np.testing.assert_allclose(answer_figures.unseen(result).data[6].y,
                                kinds['trial'].discrepancy)

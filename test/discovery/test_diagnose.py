@@ -151,6 +151,8 @@ def test_an_effect_is_found_again_in_data_that_it_made(sweeps, paper_muscle, nam
     assert result.verdict == 'missing_effect'
     assert name in labels(result)
     assert result.error_N['best'] < 0.66
+    assert {entry.label for entry in result.ranking if entry.probability > 0.5} <= labels(result)
+    assert name in {entry.shape for entry in result.ranking}
     if result.shapes == (name,):
         for estimate in result.parameters:
             key = estimate.key.partition('.')[2]

@@ -95,6 +95,8 @@ def test_maps_have_the_even_and_the_odd_part_and_the_free_strain(compared, paper
     assert [t.showscale for t in (even, odd)] == [False, True]
     curves = [t for t in drawing.data if t.type != 'heatmap']
     assert len(curves) == 2
+    label, = (note for note in drawing.layout.annotations if note.text == 'free strain')
+    assert (label.x, label.y) == (curves[0].x[-1], curves[0].y[-1])
     for curve in curves:
         force = paper_muscle.force(curve.x, 1e3 * np.asarray(curve.y)[:, None])
         assert np.abs(force).max() < 0.02

@@ -100,6 +100,15 @@ def test_the_held_out_error_is_that_of_refits_without_each_fold(fitted):
     assert held_out_physics(fitter, fit) == pytest.approx(np.sqrt(total / rows), rel=0.03)
 
 
+def test_what_cannot_be_left_out_has_the_error_of_the_fit(fitted, monkeypatch):
+    """Data of one place: there are no folds, and 2 N rms are 2 N rms."""
+    fitter, fit = fitted
+    monkeypatch.setattr('fam_bundle_ros.discovery.held_out.splits', lambda cells: [])
+    sign = np.where(np.arange(len(fit.residual)) % 2, 2.0, -2.0)
+    assert squares_of_folds(fitter, replace(fit, residual=sign)) == pytest.approx(4.0)
+    assert held_out_physics(fitter, replace(fit, residual=sign)) == pytest.approx(2.0)
+
+
 def test_a_rival_is_fitted_to_cells_by_their_rows():
     """Of two forces at one place the mean by their weights; a curve is of degree 5."""
     e, p = np.tile(np.linspace(0.0, 0.2, 12), 2), np.repeat([[1e5], [3e5]], 12, axis=0)

@@ -93,6 +93,17 @@ def test_an_effect_of_one_muscle_is_not_missing_in_all(joint):
         [FRICTION], [set(), {FRICTION}, {FRICTION}])
 
 
+@pytest.mark.parametrize('constant', [-3000.0, 3000.0])
+def test_only_ratios_of_evidences_make_probabilities(paper_muscle, constant):
+    """More rows multiply the evidence of every set, and no set becomes likelier by it."""
+    def probability(shared):
+        search = searched(paper_muscle, {'mesh': shared, FRICTION: 6.0, ENDS: 5.0})
+        return JointPosterior([search], [0]).probability()
+    plain = probability(0.0)
+    assert 0.01 < plain[ENDS] < plain[FRICTION] < 0.99
+    assert probability(constant) == pytest.approx(plain)
+
+
 def test_a_recording_that_cannot_show_another_shape_keeps_that_of_the_model(joint, paper_muscle):
     """A static map beside logs that replace one friction by another."""
     logged = {FRICTION: 5.0, 'stribeck_friction': 50.0}

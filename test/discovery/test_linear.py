@@ -63,6 +63,19 @@ def test_a_parameter_at_its_bound_counts_as_fixed(problem):
     assert both == pytest.approx(free - 2.0)
 
 
+@pytest.mark.parametrize(('u', 'paid'), [(0.0, np.log(2.0)), (2.0, 2.0)])
+def test_a_size_at_its_upper_bound_is_there(problem, u, paid):
+    """At zero it is absent, as in half of all muscles; at the bound it pays for where it is."""
+    cells, _, fitter = problem
+    rng = np.random.default_rng(3)
+    slopes, r = rng.standard_normal((len(cells), 2)), rng.standard_normal(len(cells))
+    priors = [Prior('a.x', -1e3, 1e3, 0.0, 1.0, 'normal'),
+              Prior('a.size', 0.0, 2.0, 0.0, 1.0, 'half')]
+    without, with_it = (log_evidence(fitter.covariance, FULL, Linear.of(
+        priors[:k], np.array([0.3, u])[:k], r, slopes[:, :k])) for k in (1, 2))
+    assert with_it == pytest.approx(without - paid)
+
+
 @pytest.mark.parametrize('size', [-0.02, 0.0, 0.01, 0.05, 1.0])
 def test_a_size_is_positive_or_absent_with_equal_odds(problem, size):
     """The evidence is the marginal likelihood under that prior, by quadrature."""

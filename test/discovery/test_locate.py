@@ -57,6 +57,15 @@ def test_an_error_in_a_box_is_found_where_it_is(planted, box, words):
     assert all(other.share < 0.05 for other in others)
 
 
+def test_an_error_of_the_size_of_the_noise_is_found_if_many_rows_have_it(planted):
+    """At each place it is in the mean of the rows; that noise alone is anywhere is not said."""
+    data, noise, rows = planted
+    wrong = rows(low=0.1601)
+    region, *_ = locate(data, noise - 0.35 * wrong, 0.3)
+    assert np.mean(region.rows == wrong) > 0.9
+    assert region.bias_N == pytest.approx(-0.35, abs=0.05)
+
+
 def test_a_gauge_a_little_below_zero_is_told_as_zero(planted):
     """Not as minus zero."""
     data, noise, rows = planted

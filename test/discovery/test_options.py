@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import Taken
-from fam_bundle_ros.discovery.options import head, Options, shapes_of
+from fam_bundle_ros.discovery.options import head, Options, shapes_of, usual
 from fam_bundle_ros.discovery.search import _ranked, Screened, Search
 from fam_bundle_ros.discovery.settings import (
     Choices,
 )
+from fam_bundle_ros.model import catalogue
 
 
 @pytest.mark.parametrize('rounding', [-1e-13, 1e-13])
@@ -68,6 +69,16 @@ def test_shapes_of_one_effect_share_its_prior(problem, paper_muscle):
     odds = sum(np.exp(options.log_prior(('mesh', name))) for name in shapes)
     assert odds == pytest.approx(0.25)
     assert options.log_prior(options.own) == 0.0
+
+
+@pytest.mark.parametrize(('size', 'force'), [(1.0, 4.0), (2.0, 16.0)])
+def test_what_is_usual_of_a_force_goes_with_the_cross_section(paper_muscle, size, force):
+    """The friction of the catalogue is that of the paper's muscle; a share is that of any."""
+    radius = paper_muscle.motor_units[0].geometry.radius
+    muscle = paper_muscle.with_parameters({'geometry.radius': size * radius})
+    assert usual(catalogue.get('coulomb_friction'), muscle).force == pytest.approx(force)
+    share = catalogue.get('tondu_factor')
+    assert usual(share, muscle).values == share().values
 
 
 def test_an_end_effect_that_goes_with_length_needs_two_lengths(problem, paper_muscle):

@@ -29,6 +29,15 @@ def test_a_row_far_from_its_neighbours_stands_alone(log):
     assert np.flatnonzero(spikes(log, residual, NOISE)).tolist() == [250]
 
 
+@pytest.mark.parametrize(('rows', 'found'), [(8, True), (6, False)])
+def test_a_short_log_has_a_spike_where_it_has_neighbours_on_both_sides(log, rows, found):
+    """Three before it and three after it."""
+    short = log.select(np.arange(len(log)) < rows)
+    residual = np.where(np.arange(rows) == 4, 20.0 * NOISE, short.force)
+    assert spikes(short, residual, NOISE).any() == found
+    assert not spikes(short, short.force, NOISE).any()
+
+
 def test_what_a_step_of_the_strain_does_is_no_spike(log):
     """A force in proportion to the rate lasts three rows at each step: none of them goes."""
     residual = log.force + 20.0 * log.strain_rate

@@ -134,6 +134,24 @@ def test_shapes_of_the_motion_are_what_their_words_say(two_speeds, paper_muscle)
     assert_allclose(shapes['with speed, equal in both directions'][:, 0], abs(rate))
 
 
+def test_the_formula_of_a_shape_makes_that_shape(two_speeds, paper_muscle):
+    """What the workbench offers as an effect of one's own: once k, with the sign it has."""
+    cells, _ = two_speeds
+    names = {'strain': cells.motion.strain, 'pressure': cells.motion.pressure[:, 0],
+             'strain_rate': cells.data.strain_rate, 'force': paper_muscle.predict(cells.motion),
+             'k': 1.0, 'max': np.maximum, 'abs': np.abs, 'exp': np.exp, 'tanh': np.tanh}
+    offered = [shape for shape in bank(cells, paper_muscle) if shape.expression]
+    for shape in offered:
+        constants = {name: value for name, value, _ in shape.constants}
+        made = eval(shape.expression, {**names, **constants}) * np.ones(len(cells.motion.strain))
+        column = shape.columns[:, 0]
+        # numbers are rounded, and at a turn the sign of the rate is
+        assert made @ column == pytest.approx(column @ column, rel=0.02), shape.words
+        assert made @ made == pytest.approx(column @ column, rel=0.02), shape.words
+    assert {'friction', 'friction_strain', 'speed', 'smooth0', 'smooth1', 'onset0', 'bump2',
+            'above_pressure'} <= {shape.kind for shape in offered}
+
+
 def test_shapes_of_time_grow_from_zero_to_one_over_the_log(two_speeds, paper_muscle):
     """Over the whole log, over each trial, and as a square; a decay follows what changes."""
     (cells, shapes), data = two_speeds, two_speeds[0].data

@@ -19,7 +19,7 @@ from fam_bundle_ros.discovery.held_out import folds, HeldOut
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
 from fam_bundle_ros.discovery.priors import Prior
-from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.settings import Choices, LEAST_LOSS
 from fam_bundle_ros.discovery.verdict import (
     _alike_at_one_rate,
     _effect_of_pressure,
@@ -27,6 +27,7 @@ from fam_bundle_ros.discovery.verdict import (
     _refusals,
     _warnings,
     implausible_constants,
+    is_needed,
     judge,
     remaining_discrepancy,
 )
@@ -90,6 +91,14 @@ def test_a_constant_far_from_its_usual_value_is_a_caution(search, own, u, doubte
     prior = Prior('bladder_elasticity.c10', 1.0, 1e9, 1e5, 0.5, 'log', own)
     fit = replace(search(nothing=0.0).null, priors=(prior,), u=np.array([u]))
     assert any('widths' in words for words in _warnings(fit, GOOD)) == doubted
+
+
+@pytest.mark.parametrize(('inclusion', 'ratio'), [(0.5, 1.0), (0.9, 9.0), (0.1, 1.0 / 9.0)])
+def test_structure_needs_the_evidence_that_its_prior_odds_leave(inclusion, ratio):
+    """At odds of nine to one it needs a ninth of the Bayes factor that it needs at even odds."""
+    least = LEAST_LOSS - np.log(ratio)
+    assert is_needed(least + 0.01, inclusion)
+    assert not is_needed(least - 0.01, inclusion)
 
 
 def test_a_set_keeps_only_what_earns_a_name(search):

@@ -4,7 +4,13 @@
 
 import numpy as np
 
-from fam_bundle_ros.discovery import add_effect, compare, diagnose, read_measurement
+from fam_bundle_ros.discovery import (
+    add_effect,
+    Choices,
+    compare,
+    diagnose,
+    read_measurement,
+)
 from fam_bundle_ros.discovery.cells import unknown_direction
 from fam_bundle_ros.model import load_model, save_model
 from fam_bundle_ros.nodes.session import run_trajectory
@@ -34,7 +40,7 @@ def test_a_hidden_effect_is_found_added_and_controlled_against(tmp_path, domain_
     before = run_trajectory(believed, PLAN, plant_model=hidden, bag=tmp_path / 'bag',
                             domain=domain_id, log_level='warn')
     measured = read_measurement(tmp_path / 'bag')
-    found = diagnose(load_model(believed), measured)
+    found = diagnose(load_model(believed), measured, choices=Choices(most=2))
     assert found.verdict == 'missing_effect'
     assert found.effects == ('coulomb_friction',)
 

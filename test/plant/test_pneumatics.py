@@ -10,7 +10,13 @@ from scipy.integrate import solve_ivp
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import mass_flow, RT
-from fam_bundle_ros.plant import fastest_fall, fastest_rise, linearise, ValveConfig
+from fam_bundle_ros.plant import (
+    ChamberConfig,
+    fastest_fall,
+    fastest_rise,
+    linearise,
+    ValveConfig,
+)
 from fam_bundle_ros.plant.circuit import spool_step
 
 AMBIENT = 101325.0
@@ -44,15 +50,30 @@ def test_warm_air_flows_less():
         0.5 * mass_flow(C, B, 6e5, 5e5))
 
 
+@pytest.mark.parametrize('name', ['inflow_exponent', 'outflow_exponent', 'volume_exponent'])
+@pytest.mark.parametrize(('value', 'possible'), [
+    (0.99, False), (1.0, True), (1.4, True), (1.41, False)])
+def test_air_is_compressed_between_slowly_and_quickly(name, value, possible):
+    """Isothermal with the exponent 1, adiabatic with 1.4; no chamber is beyond."""
+    if possible:
+        assert getattr(ChamberConfig(**{name: value}), name) == value
+    else:
+        with pytest.raises(InputError, match=f'{name} is {value}; .* at least 1, at most 1.4'):
+            ChamberConfig(**{name: value})
+
+
 def test_valve_is_closed_within_its_dead_band():
     """No flow below the dead band, full flow at full command, and the map can be inverted."""
     valve = ValveConfig(dead_band=0.05)
     assert valve.flow(valve.opening(0.049), 2e5, 6e5) == 0.0
     assert valve.flow(valve.opening(1.0), 1.5e5, 6e5) == pytest.approx(C * 6e5 * 1.185)
+    # half open to the ambient: choked by its own pressure, whatever the supply
+    assert valve.flow(-0.5, 6e5, 7e5) == pytest.approx(-0.5 * C * 6e5 * 1.185)
     for opening in (-1.0, -0.37, 0.0, 0.02, 1.0):
         assert valve.opening(valve.command(opening)) == pytest.approx(opening)
     assert valve.command(0.0) == 0.0
     assert (valve.opening(1.2), valve.opening(-1.2)) == (1.0, -1.0)
+    assert (valve.command(1.2), valve.command(-1.2)) == (1.0, -1.0)
 
 
 @pytest.mark.parametrize('damping', [0.4, 0.7, 0.95])

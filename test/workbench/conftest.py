@@ -3,7 +3,6 @@
 """What the tests of the workbench share: sessions, a page without a browser, a real browser."""
 
 from contextlib import contextmanager
-import gc
 import os
 from pathlib import Path
 import signal
@@ -43,15 +42,6 @@ sys.addaudithook(hook)
 def anyio_backend():
     """Run async tests on asyncio."""
     return 'asyncio'
-
-
-@pytest.fixture(scope='session')
-def settled_memory():
-    """Take what is there by now out of the collections of garbage: two a simulated user, 0.3 s."""
-    gc.collect()
-    gc.freeze()
-    yield
-    gc.unfreeze()
 
 
 @pytest.fixture

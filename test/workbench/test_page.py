@@ -27,7 +27,7 @@ START = f'{short(compare(_CASE.model, _CASE.data).error_N)} N'
 
 
 @pytest.fixture
-async def user(settled_memory):
+async def user():
     """Yield a user who has opened the start page."""
     async with user_simulation(root=root()) as made:
         await opened(made)
@@ -231,7 +231,7 @@ async def test_an_effect_of_ones_own_is_tried_and_added(user):
         await user.should_see('0.88 N')
 
 
-async def test_the_page_opens_with_the_case_of_the_command_line(settled_memory):
+async def test_the_page_opens_with_the_case_of_the_command_line():
     """`fam_bundle workbench DATA` shows the data at once."""
     async with user_simulation(root=root(load_example('nothing_missing'))) as made:
         await opened(made)

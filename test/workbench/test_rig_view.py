@@ -55,7 +55,7 @@ class Told(LiveRig):
 
 
 @pytest.fixture
-async def page(monkeypatch, settled_memory):
+async def page(monkeypatch):
     """Yield a user on the page, and the rig that he looks at."""
     rig = Told()
     monkeypatch.setattr(rig_view, '_rig', rig)
