@@ -42,7 +42,7 @@ class FrictionState:
     moving, heading : int
         Directions of strain and reference now, 0 at rest.
     since : float, s
-        Time since ``moving`` changed.
+        Time since ``moving`` changed, and since the last crossing.
     """
 
     low: float = 0.0
@@ -63,8 +63,8 @@ def forget_friction(state: Any) -> None:
     state.side = state.moving = state.heading = 0
 
 
-def learn_friction(state: Any, direction: int, error: float, noise: float, lag: float, dt: float
-                   ) -> None:
+def learn_friction(state: Any, direction: int, error: float, noise: float, crossing: bool,
+                   lag: float, dt: float) -> None:
     """
     Update with the present error of the model.
 
@@ -75,6 +75,8 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
         Direction of the strain: 1, -1, or 0 at rest.
     error, noise : float, N
         Measured minus model force, observed with a ``lag`` (s); its standard deviation.
+    crossing : bool
+        Whether a unit is being recruited or released: errors of the push-back are no friction.
     dt : float, s
 
     Examples
@@ -82,11 +84,11 @@ def learn_friction(state: Any, direction: int, error: float, noise: float, lag: 
     >>> state = FrictionState()
     >>> for direction, error in ((1, -3.0), (-1, 2.0), (-1, 2.5)):
     ...     for _ in range(100):
-    ...         learn_friction(state, direction, error, 0.0, 0.02, 4e-3)
+    ...         learn_friction(state, direction, error, 0.0, False, 0.02, 4e-3)
     >>> round(state.low, 1), round(state.high, 1)
     (-2.5, 2.5)
     """
-    state.since = state.since + dt if direction == state.moving else 0.0
+    state.since = state.since + dt if direction == state.moving and not crossing else 0.0
     state.moving = direction
     if state.since < _SETTLED * lag:
         return

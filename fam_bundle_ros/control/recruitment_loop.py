@@ -264,10 +264,11 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     outer_step(settings.outer, outer, measurement, believed,
                outer.demand - state.shares.missing, loop_error(table, command.pressure), kind,
                value, rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+    crossing = state.crossings.count > 0
     learn_friction(outer.friction, state.rate.direction, quick_of(outer.observer),
-                   quick_noise(outer.observer, outer.lag, dt), outer.lag, dt)
+                   quick_noise(outer.observer, outer.lag, dt), crossing, outer.lag, dt)
     # The tracking error during a crossing is not due to the lag.
-    if kind == FORCE and command.saturated == FREE and state.crossings.count == 0:
+    if kind == FORCE and command.saturated == FREE and not crossing:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
                    value - outer.behind * rate - measurement.force, rate, outer.lag, dt)
     # Predicted strain when the commanded pressures are reached.

@@ -35,7 +35,7 @@ def seen(*motions, noise=0.0, duration=0.2):
     state = FrictionState()
     for direction, error in motions:
         for _ in range(round(duration / DT)):
-            learn_friction(state, direction, error, noise, LAG, DT)
+            learn_friction(state, direction, error, noise, False, LAG, DT)
     return state
 
 
@@ -78,8 +78,21 @@ def test_a_twitch_teaches_nothing():
     """Shorter than three lags, the error is still that of before."""
     state = seen((1, -3.0))
     for _ in range(round(2.9 * LAG / DT)):
-        learn_friction(state, -1, 5.0, 0.0, LAG, DT)
+        learn_friction(state, -1, 5.0, 0.0, False, LAG, DT)
     assert (state.low, state.high) == (-3.0, -3.0)
+
+
+def test_a_crossing_unit_teaches_no_friction():
+    """Its push-back errs by more than what rubs, until three lags after the crossing."""
+    state = seen((1, -3.0), (-1, 3.0))
+    for crossing, duration in ((True, 0.5), (False, 2.9 * LAG)):
+        for _ in range(round(duration / DT)):
+            learn_friction(state, 0, -40.0, 0.0, crossing, LAG, DT)
+    assert (state.low, state.high) == (-3.0, 3.0)
+    seen_at_rest = state.low
+    for _ in range(round(LAG / DT)):
+        learn_friction(state, 0, -40.0, 0.0, False, LAG, DT)
+    assert state.low < seen_at_rest
 
 
 def test_at_rest_friction_may_be_anything_between():
@@ -105,7 +118,7 @@ def test_a_reversal_without_rest_takes_the_whole_band():
     state = seen((1, -3.0), (-1, 3.0))
     turned(state, -0.1, 3.0)
     for _ in range(200):
-        learn_friction(state, -1, 13.0, 0.0, LAG, DT)
+        learn_friction(state, -1, 13.0, 0.0, False, LAG, DT)
     assert turned(state, 0.1, 13.0) == pytest.approx(-6.0, abs=0.05)
 
 
@@ -115,7 +128,7 @@ def test_friction_may_differ_between_the_ends_of_a_motion():
     turned(state, 0.0, -3.0, 0.5)
     assert turned(state, -0.1, -3.0) == pytest.approx(10.0, abs=0.05)
     for _ in range(200):
-        learn_friction(state, -1, 7.0, 0.0, LAG, DT)
+        learn_friction(state, -1, 7.0, 0.0, False, LAG, DT)
     assert turned(state, 0.1, 7.0) == pytest.approx(-4.0, abs=0.05)
 
 
@@ -124,7 +137,7 @@ def test_a_tick_of_rest_between_motions_does_not_count():
     state = seen((1, -3.0), (-1, 3.0))
     turned(state, -0.1, 3.0)
     for _ in range(200):
-        learn_friction(state, -1, 13.0, 0.0, LAG, DT)
+        learn_friction(state, -1, 13.0, 0.0, False, LAG, DT)
     assert turned(state, 0.0, 13.0) == 0.0
     assert turned(state, 0.1, 13.0) == pytest.approx(-6.0, abs=0.05)
 
