@@ -233,8 +233,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
             moved = _needs_recalibration(fitter, null, inclusion)
             verdict = 'recalibrate' if moved else 'adequate'
     elif (refusals or after.total > max(negligible(cells), abnormal)
-          or (structured or after.beside > negligible(cells))
-          and explained < settings.MOST_OF_IT):
+          or after.beside > negligible(cells) and explained < settings.MOST_OF_IT):
         verdict = 'unexplained'
     else:
         rest = structured or after.total > negligible(cells)
