@@ -215,8 +215,9 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
     Without structure, an effect is removed only if no kind of fold gets worse, with and without
     the discrepancy; the last effect only if the evidence for it depends on a discrepancy.
 
-    An effect that without a discrepancy changes the force by too little to be seen is removed: its
-    evidence was that of another value, with the discrepancy.
+    An effect that without a discrepancy changes the force by too little to be seen, and has no
+    evidence there, is removed: its evidence was that of another value, with the discrepancy.
+    (Without it other constants may give the same force, but at values that are unlikely.)
 
     Where structure is left, an effect with implausible constants is removed as well, unless it is
     the last. If the geometry is implausible too, the model describes another muscle: all effects
@@ -241,14 +242,14 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
             error = held_out(fitter, without, fewer)
+            idle = fewer.white_posterior >= chosen.white_posterior
             if structured:
                 goes = within_standard_error(error.squares, held.squares) or (
                     len(found) > 1 and _is_implausible(physics, change)
                     and not implausible_geometry(physics))
             else:
-                goes = error.is_no_worse(held) and (
-                    len(found) > 1 or fewer.white_posterior >= chosen.white_posterior)
-            if goes or not _is_seen(fitter.cells, physics, without):
+                goes = error.is_no_worse(held) and (len(found) > 1 or idle)
+            if goes or idle and not _is_seen(fitter.cells, physics, without):
                 found = [other for other in found if other is not change]
                 chosen, physics, held = fewer, without, error
                 break

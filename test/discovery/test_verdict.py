@@ -277,8 +277,11 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
     off[made.null.names] = [12.0, 8.0]
     for sd, seen in ((0.1, False), (1.0, True)):
         step = sd * np.sqrt(made.fitter.cells.variance)
-        small = replace(made.best, residual=made.null.residual + step)
-        assert choice.drop_unpredictive(made, small, found, small, 0.1)[1] == found * seen
+        for gain, stays in ((-1.0, seen), (1.0, True)):
+            small = replace(made.best, residual=made.null.residual + step)
+            small = replace(small, white_evidence=small.white_evidence + gain
+                            + made.null.white_posterior - small.white_posterior)
+            assert choice.drop_unpredictive(made, small, found, small, 0.1)[1] == found * stays
 
 
 @pytest.mark.parametrize(('structured', 'angle', 'alone', 'kept'), [
