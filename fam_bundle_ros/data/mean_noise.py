@@ -61,7 +61,8 @@ def mean_noise(values: np.ndarray, stay: np.ndarray, floor: NoiseFloor) -> MeanN
     """
     Estimate the noise of a row and its memory, or return None if visits are too short for it.
 
-    The noise of a row is at most that by repeats.
+    The noise of a row is at most that by repeats; where few repeats agree better than neighbours
+    by chance, at most that by neighbours.
 
     Parameters
     ----------
@@ -95,7 +96,10 @@ def mean_noise(values: np.ndarray, stay: np.ndarray, floor: NoiseFloor) -> MeanN
         parts, missed = nnls(columns * weight[:, None], variance * weight)
         fits.append((missed, float(memory), np.sqrt(parts)))
     _, memory, parts = min(fits, key=lambda fit: fit[0])
-    parts *= min(1.0, (floor.repeats or np.inf) / float(np.hypot(*parts)))
+    most = floor.repeats or np.inf
+    if floor.basis != 'repeats':
+        most = max(most, floor.differences or 0.0)
+    parts *= min(1.0, most / float(np.hypot(*parts)))
     return MeanNoise(float(parts[0]), float(parts[1]), memory)
 
 

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from fam_bundle_ros.data.mean_noise import _of_differences, _of_mean, mean_noise, MeanNoise
 
 #: No steps in the readings, nothing measured twice.
-PLAIN = SimpleNamespace(quantum=0.0, repeats=None)
+PLAIN = SimpleNamespace(quantum=0.0, repeats=None, differences=None, basis='')
 
 
 def slow_noise(memory, rows, seed=0):
@@ -78,7 +78,7 @@ def test_readings_in_steps_have_the_noise_of_rounding_besides(noise):
     rng = np.random.default_rng(5)
     stay = np.repeat(np.arange(200), 40)
     force = 20.0 * rng.normal(size=200)[stay] + noise * rng.normal(size=len(stay))
-    found = mean_noise(np.round(force), stay, SimpleNamespace(quantum=1.0, repeats=None))
+    found = mean_noise(np.round(force), stay, SimpleNamespace(**{**vars(PLAIN), 'quantum': 1.0}))
     assert found.sd == pytest.approx(np.hypot(noise, 12.0 ** -0.5), rel=0.2)
 
 
@@ -86,9 +86,16 @@ def test_a_row_has_no_more_noise_than_its_repeats():
     """A ripple of the force comes back each time: neighbours differ by it, repeats do not."""
     stay = np.repeat(np.arange(100), 30)
     ripple = slow_noise(3.0, 30)[np.tile(np.arange(30), 100)]
-    floor = SimpleNamespace(quantum=0.0, repeats=0.1)
+    floor = SimpleNamespace(quantum=0.0, repeats=0.1, differences=0.4, basis='repeats')
     assert mean_noise(ripple, stay, PLAIN).sd > 0.3
     assert mean_noise(ripple, stay, floor).sd == pytest.approx(0.1)
+
+
+def test_few_repeats_that_agree_by_chance_do_not_lower_the_noise():
+    """Of white noise, whose size second differences know better."""
+    white = np.random.default_rng(4).normal(0.0, 1.0, 3000)
+    floor = SimpleNamespace(quantum=0.0, repeats=0.7, differences=1.0, basis='second differences')
+    assert mean_noise(white, np.arange(3000) // 30, floor).sd == pytest.approx(1.0, rel=0.05)
 
 
 def test_a_memory_is_seen_in_visits_that_are_long_enough():
