@@ -64,6 +64,11 @@ class Left:
         """Root of the sum of squares of both."""
         return float(np.hypot(self.smooth, self.rough))
 
+    @property
+    def shown(self) -> float:
+        """Size as it is printed, N rms."""
+        return self.total if self.of_rows is None else self.of_rows
+
 
 def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Left:
     """
@@ -171,6 +176,11 @@ class Finding:
         return self.verdict in ('missing_effect', 'partial')
 
 
+def is_enough(probability: float) -> bool:
+    """Return whether the evidence alone would name an effect of this probability."""
+    return bool(probability >= 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS)))
+
+
 def shown_probability(finding: Finding, probability: float, named: bool) -> float:
     """
     Return the probability of an effect as it is shown: not above what other doubts allow.
@@ -178,9 +188,8 @@ def shown_probability(finding: Finding, probability: float, named: bool) -> floa
     Evidence enough for a name, without one: the effect does not improve the prediction of
     held-out folds, or its constants are implausible. Then it is not likelier than not.
     """
-    enough = 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS))
     if (finding.refusals or finding.verdict == 'unexplained'
-            or not named and probability >= enough):
+            or not named and is_enough(probability)):
         return min(probability, 0.5)
     return min(probability, DOUBTED if finding.warnings else 1.0)
 

@@ -22,7 +22,7 @@ from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import head
 from fam_bundle_ros.discovery.posterior import Change, Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
-from fam_bundle_ros.discovery.verdict import Finding
+from fam_bundle_ros.discovery.verdict import Finding, is_enough
 from fam_bundle_ros.model import Bundle
 
 Ties = tuple[tuple[str, ...], ...]
@@ -89,7 +89,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         shape = _shape(shapes, 'no plain shape')
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
-            f'{_size_left(finding):.2g} N of structure would be left')
+            f'{finding.after.shown:.2g} N of structure would be left')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
                 f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
     text, s = ' and '.join(map(what, answer)), 's' if len(answer) == 1 else ''
@@ -116,13 +116,9 @@ def _shape(shapes: Sequence[Template], otherwise: str) -> str:
     return most[0] if most else otherwise
 
 
-def _size_left(finding: Finding) -> float:
-    return finding.after.total if finding.after.of_rows is None else finding.after.of_rows
-
-
 def _left(finding: Finding, best: float) -> str:
     """Return the size of the discrepancy; it may exceed the error of a distorted model."""
-    left = _size_left(finding)
+    left = finding.after.shown
     near = ' if the dimensions stay near their usual values' if left > best else ''
     return f'a smooth discrepancy of {left:.2g} N is left{near}'
 
@@ -145,6 +141,10 @@ def error_of_used(cells: Cells, model: Bundle, error: float) -> float:
     """
     if cells.rows > len(cells.label):
         return error
+    return _error_in_cells(cells, model)
+
+
+def _error_in_cells(cells: Cells, model: Bundle) -> float:
     return rms((cells.data.force - model.predict(cells.motion))[cells.label >= 0])
 
 
@@ -217,12 +217,11 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         notes.append(floor.note)
     left_out = int((cells.label < 0).sum())
     if left_out:
-        missed = data.force - final.model.predict(cells.motion)
         why = ', '.join(f'{rows} {words}' for words, rows in cells.unused.items())
         averaged = (f' (averages of neighbours; the log has {cells.rows})'
                     if cells.rows > len(cells.label) else '')
         notes.append(f'{left_out} of {len(cells.label)} rows{averaged} are not used ({why}); on '
-                     f'the others the best error is {rms(missed[cells.label >= 0]):.3g} N')
+                     f'the others the best error is {_error_in_cells(cells, final.model):.3g} N')
     if cells.stiffness is not None:
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "
@@ -264,9 +263,8 @@ def not_named(posterior: Posterior, chosen: Fit, mentioned: Iterable[str]) -> tu
         probability = posterior.of_label(label)
         if label in known or probability <= 0.5:
             continue
-        weak = probability < 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS))
-        why = ('the evidence for it is weak' if weak else 'it does not improve the prediction of '
-               'held-out folds, or its constants are implausible')
+        why = ('it does not improve the prediction of held-out folds, or its constants are '
+               'implausible' if is_enough(probability) else 'the evidence for it is weak')
         notes.append(f'{label} is likelier than not ({probability:.2f}) but not named: {why}')
     return tuple(notes)
 

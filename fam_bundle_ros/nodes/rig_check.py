@@ -19,13 +19,12 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.e_stop import UNHEARD
 from fam_bundle_ros.nodes.process import Spinner, StopSignals
 from fam_bundle_ros.nodes.recording import matching_qos
+from fam_bundle_ros.plant.faults import UNITS
 
 #: A FluidPressure below this is not absolute, Pa; a motor unit at rest shows about 101 kPa.
 _ABSOLUTE = 50e3
 #: Largest pressure, Pa gauge.
 _HIGHEST = 1.5e6
-#: Units in which pressures are sent by mistake, Pa.
-_UNITS = {'kPa': 1e3, 'bar': 1e5, 'mbar': 100.0, 'psi': 6894.76, 'MPa': 1e6}
 #: Tolerance of a reading of ambient pressure, as a share: weather, altitude, sensor offset.
 _AMBIENT = 0.15
 #: Force (N) and strain below which neither sign nor unit can be determined.
@@ -299,8 +298,8 @@ def _judge_strain(middle: float, noise: float) -> Finding:
 def _judge_pressure(name: str, middle: float, noise: float, ambient: float,
                     gauge: bool) -> Finding:
     what, seen = f'{name} unit', f'{middle / 1e3:.1f} kPa, noise {noise / 1e3:.2f} kPa'
-    unit = next((unit for unit, scale in _UNITS.items()
-                 if abs(scale * middle - ambient) < _AMBIENT * ambient),
+    unit = next((unit for unit, factor in UNITS['pressure'].items()
+                 if abs(middle / factor - ambient) < _AMBIENT * ambient),
                 'kPa' if name == interface.SUPPLY and 50.0 < middle < 3e3 else '')
     if unit and noise < 0.1 * middle:
         # A gauge reading in Pa would hardly have this offset and so little noise.

@@ -17,6 +17,7 @@ from fam_bundle_ros.control.rig_fit import fit_valve, ValveFit
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes.rig_check import Finding
 from fam_bundle_ros.nodes.rig_hand import Channel, Session
+from fam_bundle_ros.plant.faults import UNITS
 
 #: A reading has risen by more than these multiples of supply and noise standard deviation.
 _RISE, _RISE_NOISE = 0.04, 6.0
@@ -37,7 +38,7 @@ _HOLD, _LEAK = 0.2, 1.0
 #: docs/how_to/driver.md); the same for supply_enable (0.5).
 _MUTE, _MUTE_MOST, _PERMISSION_MUTE, _PERMISSION_MOST = 0.6, 0.25, 1.2, 0.8
 #: Factors of likely unit errors of a driver.
-_FACTORS = {1e-3: 'kPa', 1e-5: 'bar', 1.0 / 6894.757: 'psi', 1e-2: 'mbar', 0.5: 'half of it',
+_FACTORS = {**{factor: unit for unit, factor in UNITS['pressure'].items()}, 0.5: 'half of it',
             2.0: 'twice it'}
 #: Times for the supply to rise, a full motor unit to settle, and to empty, s.
 COME_UP, _FILL, _EMPTY = 0.4, 1.0, 2.0
