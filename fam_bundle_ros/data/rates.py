@@ -207,7 +207,8 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     Return a signal with less noise, bends and steps kept, (T,).
 
     Each sample takes the widest local quadratic that stays within the noise of the narrower ones
-    (intersection of confidence intervals). A trial in which the signal is held becomes its mean.
+    (intersection of confidence intervals). Where the signal is held, in a trial or between two
+    steps, it becomes its mean.
     Noise in strain and pressure would otherwise pass through the model and make lags, which
     smooth, or a hysteresis, which holds, look like a gain.
     """
@@ -224,9 +225,12 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
         going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
         best = np.where(going, fitted, best)
         spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
-    for rows in parts:
-        if _is_held(value[rows], noise):
-            best[rows] = value[rows].mean()
+    # larger changes than any of the noise
+    step = np.sqrt(2.0) * noise * -ndtri(0.5 * FALSE_ALARM / len(value))
+    for part in parts:
+        for rows in np.split(part, np.flatnonzero(np.abs(np.diff(value[part])) > step) + 1):
+            if _is_held(value[rows], noise):
+                best[rows] = value[rows].mean()
     return best
 
 

@@ -132,6 +132,19 @@ def test_the_noise_of_samples_is_that_without_the_signal(rng):
     assert sample_noise(noise[:400] + jumps, short) == pytest.approx(0.2, rel=0.3)
 
 
+def test_a_pressure_set_in_steps_is_held_between_them(rng):
+    """Isobars one after another in one trial; a ramp after them stays one."""
+    time = 0.02 * np.arange(1600)
+    levels = np.repeat([80e3, 160e3, 240e3, 320e3], 300)
+    set_to = np.concatenate([levels, np.linspace(0.0, 2e5, 400)])
+    found = smooth(time, set_to + rng.normal(0.0, 300.0, 1600), np.zeros(1600, int))
+    for begin in range(0, 1200, 300):
+        level = found[begin:begin + 300]
+        assert np.ptp(level) == 0.0
+        assert level[0] == pytest.approx(set_to[begin], abs=60.0)
+    assert found[1200:] == pytest.approx(set_to[1200:], abs=1200.0)
+
+
 def test_white_noise_is_held_and_a_swing_or_a_drift_is_not(rng):
     """Of many records of one level few are taken for moving ones."""
     noise = rng.normal(size=(200, 990))
