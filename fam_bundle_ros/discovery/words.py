@@ -125,10 +125,12 @@ def _left(finding: Finding, best: float) -> str:
 
 def _down_to(noise_only: str, error: Mapping[str, float]) -> str:
     """Return what is explained: the words for all but noise, or that more is left."""
-    best, noise = error['used'], error['noise']
-    if best ** 2 - noise ** 2 > (settings.VISIBLE * best) ** 2:
-        return (f'the error down to {best:.3g} N rms, above the noise floor of {noise:.3g} N, '
+    best, noise, used = error['best'], error['noise'], error['used']
+    if used ** 2 - noise ** 2 > (settings.VISIBLE * used) ** 2:
+        return (f'the error down to {used:.3g} N rms, above the noise floor of {noise:.3g} N, '
                 'without a further shape that is known')
+    if best ** 2 - used ** 2 > (settings.VISIBLE * best) ** 2:
+        return f'{noise_only} ({used:.3g} N in the rows that fits use)'
     return noise_only
 
 

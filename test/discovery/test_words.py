@@ -112,6 +112,15 @@ def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatc
     assert other.startswith('softening is likelier than not (0.97) but not named: it does not')
 
 
+def test_what_is_down_to_the_noise_in_some_rows_only_says_so():
+    """The table below shows 0.88 N over all rows, turning points among them."""
+    error = {'recalibrated': 6.6, 'best': 0.88, 'used': 0.61, 'noise': 0.59}
+    finding = Finding('missing_effect', Left(6.6, 0.0), Left(0.0, 0.0), 0.99)
+    told = summarise(finding, [DRY], [DRY], (), (), BASE, (), error)
+    assert told == ('coulomb_friction explains the error down to the noise (0.61 N in the rows '
+                    'that fits use)')
+
+
 DRY, CAPS = Change('', 'coulomb_friction'), Change('', 'end_caps')
 BASE = SimpleNamespace(u=np.array([0.1, -1.24, 4.0]), priors=[
     SimpleNamespace(key=key) for key in ('geometry.length', 'geometry.radius', 'mesh.factor')])
