@@ -33,10 +33,14 @@ _OTHER = 1.0
 _REACH = 0.1
 #: Prior sd of the inertia over the usual one: up to a robot's arm.
 INERTIAS = 100.0
+#: Least inertia over the usual one: of the muscles themselves.
+LEAST_INERTIA = 0.02
 #: 1/s: damping of guides over the usual inertia.
 _DRAG = 30.0
 #: Steps in which the random walk of damping and inertia reaches their own size.
 _MEMORY = 1000.0
+#: Standard deviations by which a load must be lighter than is usual.
+_SURELY = 2.0
 #: Clipping threshold of a change of the force, in standard deviations.
 _CLIP = 3.0
 
@@ -54,8 +58,8 @@ class LoadEstimate:
     offset : float, N
         Force at zero strain, extrapolated with the stiffness.
     inertia : float, N s^2
-        Estimate minus one standard deviation; at least the usual inertia, whose gains also suit a
-        lighter load.
+        The usual inertia, unless the load is heavier by more than one standard deviation of the
+        estimate or lighter by more than two: gains for a load that is too light are slow.
     strains, forces : list (3,)
         Readings behind one, two and three filters.
     last : list (4,)
@@ -187,7 +191,9 @@ def learn_place(state: Any, rate: float, bend: float, most: float, usual: float)
         for j in range(3):
             p[i][j] -= product[i] * product[j] / seen
     value[0], value[1] = min(max(value[0], 0.0), most), max(value[1], 0.0)
-    state.inertia = max(usual, value[2] - math.sqrt(p[2][2]))
+    sd = math.sqrt(p[2][2])
+    lightest = max(value[2] + _SURELY * sd, LEAST_INERTIA * usual)
+    state.inertia = min(max(usual, value[2] - sd), lightest)
     state.places += 1
 
 

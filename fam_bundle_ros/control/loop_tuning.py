@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.control.outer import command_lag, default_force_gain, LoadModel, OuterConfig
-from fam_bundle_ros.control.outer_loop import outer_settings
 from fam_bundle_ros.control.pid import PidConfig, PidGains, PressurePid
 from fam_bundle_ros.control.strain_gains import drag_of, GAIN_ERRORS, RATE_LAG, stiffness_grid
+from fam_bundle_ros.control.strain_loop import default_strain_gains
 from fam_bundle_ros.control.tuning import python_control
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -150,18 +150,17 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
     """
     ct = python_control()
     _check(sample_period, 0.0)
-    settings = outer_settings(config, load, bundle)
     if not load.inertia > 0.0:
         raise InputError('the inertia of the load is 0; expected more than 0 N s^2 for the '
                          'strain loop')
     whole = command_lag(config, sample_period) + sample_period
     dead = ct.tf(*ct.pade(whole, 4))
     stiffnesses = stiffness_grid(bundle, load.stiffness)
-    gains = list(zip(settings.strain_gain, settings.strain_integral, settings.strain_damping))[
-        -len(stiffnesses):]
+    gains = [default_strain_gains(config, load, each) for each in stiffnesses]
     middle, points = len(gains) // 2, []
-    for stiffness, (gain, integral, damping) in zip(stiffnesses, gains):
-        control = ct.tf([gain, integral], [1.0, 0.0]) + ct.tf([damping, 0.0], [RATE_LAG, 1.0])
+    for stiffness, own in zip(stiffnesses, gains):
+        control = ct.tf([own.gain, own.integral], [1.0, 0.0]) + ct.tf(
+            [own.damping, 0.0], [RATE_LAG, 1.0])
         for e in GAIN_ERRORS:
             drag = float(drag_of(stiffness, load.inertia, load.damping))
             plant = ct.tf([1.0 + e], [load.inertia, drag, stiffness])
@@ -169,8 +168,9 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
             step = _strain_step(ct, control, dead, plant)
             points.append(replace(_point(ct, loop, e, step),
                                   stiffness=stiffness / stiffnesses[middle]))
-    names = ('strain_gain', 'strain_integral', 'strain_damping')
-    return LoopResult(dict(zip(names, gains[middle])), whole, tuple(points))
+    best = gains[middle]
+    return LoopResult({'strain_gain': best.gain, 'strain_integral': best.integral,
+                       'strain_damping': best.damping}, whole, tuple(points))
 
 
 def pressure_steps(gains: PidGains, config: PidConfig, sample_period: float,

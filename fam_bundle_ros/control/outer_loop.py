@@ -14,7 +14,12 @@ from typing import Any
 
 from fam_bundle_ros.control.adaptation import GAUGE_SHARE
 from fam_bundle_ros.control.friction import forget_friction, FrictionState
-from fam_bundle_ros.control.load_estimate import forget_load, INERTIAS, LoadEstimate
+from fam_bundle_ros.control.load_estimate import (
+    forget_load,
+    INERTIAS,
+    LEAST_INERTIA,
+    LoadEstimate,
+)
 from fam_bundle_ros.control.observer import (
     begin_at,
     forget_observer,
@@ -30,7 +35,7 @@ from fam_bundle_ros.control.outer import command_lag, default_force_gain, LoadMo
 from fam_bundle_ros.control.saturation import integrate_error
 from fam_bundle_ros.control.strain_gains import (
     stiffness_grid,
-    stiffnesses_below,
+    stiffnesses_between,
     unit_stiffness,
 )
 from fam_bundle_ros.control.strain_loop import default_strain_gains, strain_loop
@@ -59,6 +64,8 @@ class OuterSettings:
     strain_gain: list
     strain_integral: list
     strain_damping: list
+    #: N: largest stiffness of muscles and load; the load alone is assumed to have no more.
+    most_stiffness: float
     #: True where none was set by the user: they may then depend on the learnt inertia.
     worked_out: bool
     #: Stiffness of each unit at its pressure p: slope p + bend p^2, (n,).
@@ -169,10 +176,12 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     """Return the record that `outer_step` takes."""
     slope, bend = unit_stiffness(bundle)
     usual = stiffness_grid(bundle, load.stiffness)
-    # Gains depend on stiffness over inertia: an unknown load may be heavier than is usual.
-    stiffnesses = [*stiffnesses_below(usual[0], INERTIAS), *usual]
-    found = [default_strain_gains(config, load, max(each, usual[0]) if load.known else each)
-             for each in stiffnesses]
+    least, most = usual[0], usual[-1]
+    # Gains depend on stiffness over inertia: an unknown load may be heavier or lighter than usual.
+    stiffnesses = [*stiffnesses_between(least / INERTIAS, least), *usual,
+                   *stiffnesses_between(most, most / LEAST_INERTIA)]
+    low, high = (least, most) if load.known else (0.0, math.inf)
+    found = [default_strain_gains(config, load, min(max(each, low), high)) for each in stiffnesses]
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
@@ -182,7 +191,8 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     return OuterSettings(**{
         **vars(config), 'worked_out': own == (None, None, None), 'bias_time': bias_time,
         'force_gain': gain,
-        'stiffnesses': stiffnesses, 'strain_gain': [each.gain for each in found],
+        'stiffnesses': stiffnesses, 'most_stiffness': most,
+        'strain_gain': [each.gain for each in found],
         'strain_integral': [each.integral for each in found],
         'strain_damping': [each.damping for each in found],
         'stiffness_slope': slope.tolist(), 'stiffness_bend': bend.tolist(),

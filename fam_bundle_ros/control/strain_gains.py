@@ -3,7 +3,8 @@
 """Gains of the strain loop, computed from the load and the lag of the loop."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
+from itertools import product
 import math
 from typing import Any
 
@@ -28,11 +29,15 @@ _MIDDLING, _APART = 0.1, 0.01
 _STRAINS = np.linspace(0.0, 2.0 * _MIDDLING, 41)
 #: Least over largest stiffness that gains are computed for.
 _LEAST_SHARE = 0.005
-#: Candidate gains: on strain, over the stiffness; on its rate, over critical damping.
-_GAINS = np.array([-1.0, -0.7, -0.5, -0.35, -0.25, -0.15, -0.07, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7])
-_DAMPINGS = np.array([0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5])
-#: Candidate integral gains, over stiffness times natural frequency.
-_INTEGRALS = np.logspace(-2.0, 0.0, 13)
+#: Candidate gains: on strain, over the stiffness; on its rate, over critical damping. A soft
+#: bundle under a heavy load is so slow that the feedback may be several times its stiffness.
+_GAINS = np.array([-1.0, -0.7, -0.5, -0.35, -0.25, -0.15, -0.07, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7,
+                   1.0, 1.4, 2.0, 2.8, 4.0, 5.6])
+_DAMPINGS = np.array([0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.4, 2.0])
+#: Candidate integral gains, over stiffness times natural frequency, or stiffness over lag if less.
+_INTEGRALS = np.logspace(-2.0, 1.0, 19)
+#: Candidates at which the search begins; an integral alone, the safest, is among them.
+_STARTS = tuple(product(range(1, len(_GAINS), 3), range(0, len(_DAMPINGS), 3)))
 #: Frequencies at which loops are evaluated, over the natural frequency.
 _FREQUENCIES = np.logspace(-2.7, 1.3, 250)
 
@@ -74,21 +79,29 @@ def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -
     """
     stiffnesses = (stiffness / SPAN, stiffness, stiffness * SPAN)
     natural = math.sqrt(stiffness / inertia)
-    integrals = _INTEGRALS * stiffness * natural
+    integrals = _INTEGRALS * stiffness * min(natural, 1.0 / lag)
     s = 1j * natural * _FREQUENCIES
     plants = _plants(s, stiffnesses, inertia, damping)
     late = np.exp(-s * lag)
-    best, least_cost = StrainGains(0.0, 0.0, 0.0), math.inf
-    for share in _GAINS:
-        for ratio in _DAMPINGS:
-            gain = max(float(share) * stiffness, -_SOFTENED * stiffnesses[0])
-            rate = 2.0 * float(ratio) * math.sqrt(stiffness * inertia)
-            control = (gain + integrals[:, None] / s + rate * s / (1.0 + RATE_LAG * s)) * late
-            costs = _costs(s, plants, control)
-            k = int(np.argmin(costs))
-            if costs[k] < least_cost:
-                best, least_cost = StrainGains(gain, float(integrals[k]), rate), costs[k]
-    return best
+
+    @cache
+    def best_integral(i: int, j: int) -> tuple[float, StrainGains]:
+        """Return cost and gains with the best integral; inf where every loop lacks the margin."""
+        gain = max(float(_GAINS[i]) * stiffness, -_SOFTENED * stiffnesses[0])
+        rate = 2.0 * float(_DAMPINGS[j]) * math.sqrt(stiffness * inertia)
+        control = (gain + integrals[:, None] / s + rate * s / (1.0 + RATE_LAG * s)) * late
+        costs = _costs(s, plants, control)
+        k = int(np.argmin(costs))
+        return float(costs[k]), StrainGains(gain, float(integrals[k]), rate)
+
+    place, before = min(_STARTS, key=lambda at: best_integral(*at)[0]), None
+    while place != before:
+        before, (i, j) = place, place
+        place = min(((i + a, j + b) for a in (0, -1, 1) for b in (0, -1, 1)
+                     if 0 <= i + a < len(_GAINS) and 0 <= j + b < len(_DAMPINGS)),
+                    key=lambda at: best_integral(*at)[0])
+    cost, best = best_integral(*place)
+    return best if cost < math.inf else StrainGains(0.0, 0.0, 0.0)
 
 
 def _plants(s, stiffnesses, inertia, damping):
@@ -166,17 +179,16 @@ def stiffness_grid(bundle: Any, load: float) -> list[float]:
     return np.geomspace(least, most, max(count, 2)).tolist()
 
 
-def stiffnesses_below(stiffness: float, ratio: float) -> list[float]:
+def stiffnesses_between(low: float, high: float) -> list[float]:
     """
-    Return stiffnesses from one over a ratio up to below it, in steps of `SPAN` squared.
+    Return the powers of `SPAN` squared between two stiffnesses (N), without these.
 
-    They are powers of a step, the same for all bundles, so that their gains are computed once.
+    The same for all bundles, so that their gains are computed once.
 
     Examples
     --------
-    >>> stiffnesses_below(10.0, 10.0)
-    [1.0, 2.25, 5.0625]
+    >>> stiffnesses_between(1.0, 10.0)
+    [2.25, 5.0625]
     """
-    step = 2.0 * math.log(SPAN)
-    first, last = (math.log(each) / step for each in (stiffness / ratio, stiffness))
-    return [SPAN ** (2 * k) for k in range(math.floor(first), math.ceil(last))]
+    first, last = (math.log(each) / (2.0 * math.log(SPAN)) for each in (low, high))
+    return [SPAN ** (2 * k) for k in range(math.floor(first) + 1, math.ceil(last))]

@@ -123,9 +123,8 @@ def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate
     dt : float, s
     """
     load, known = state.load, state.load.known
-    learn_load(load, measurement.strain, measurement.force,
-               settings.stiffnesses[len(settings.stiffnesses) - 1], _USUAL_INERTIA,
-               settings.filter_time, dt)
+    learn_load(load, measurement.strain, measurement.force, settings.most_stiffness,
+               _USUAL_INERTIA, settings.filter_time, dt)
     if not load.known:
         return 0.0
     if not known:

@@ -163,6 +163,18 @@ def test_a_spring_that_nobody_told_of_is_followed_nearly_as_well(paper_bundle):
     assert size[1] < 1.3 * size[0]
 
 
+@pytest.mark.parametrize('mass', [0.02, 0.1])
+def test_a_plate_of_a_few_grams_that_nobody_told_of_is_moved_without_swinging(paper_bundle, mass):
+    """Gains for a usual load are too large: its own oscillation shows that it is lighter."""
+    profile = load_profile('strain_steps')
+    loop = ClosedLoop(paper_bundle, paper_bundle)
+    log = loop.run(Trajectory('plate', 'strain', profile.duration, profile.value, profile.rate,
+                              MassSpring(mass=mass, stiffness_against=100.0, damping=1.0)))
+    late = log.time > 2.0
+    error = log.strain - np.array([profile.value(t) for t in log.time])
+    assert np.sqrt(np.mean(error[late] ** 2)) < 3e-3
+
+
 def test_a_robots_arm_that_nobody_told_of_does_not_swing(paper_bundle):
     """After a second and a half the gains go with its inertia, sixty times the usual one."""
     times, strains = [0.0, 1.2, 1.6, 2.8, 3.2, 4.4], [0.01, 0.10, 0.10, 0.145, 0.145, 0.05]

@@ -268,7 +268,7 @@ def test_a_load_that_the_integral_finds_is_no_doubt_of_the_demand(paper_bundle):
     """While the demand grows by 50 N to lift a load, the margins of the state machine stay."""
     loop = Loop(paper_bundle, LoadModel(force=20.0, inertia=0.3), strain_integral=2500.0)
     begun = loop.run(0.1, force=20.0, believed=20.0, kind=STRAIN, duration=3.0).force
-    grown = loop.run(0.11, force=20.0, believed=20.0, kind=STRAIN, duration=2.0).force
+    grown = loop.run(0.11, force=20.0, believed=20.0, kind=STRAIN, duration=2.2).force
     assert grown > begun + 50.0
     assert uncertainty(loop.settings, loop.state) < loop.settings.model_error + 1.0
 

@@ -3,6 +3,7 @@
 """Gains of the strain loop, and what they are worked out from, against simulated time."""
 
 from dataclasses import replace
+import math
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from fam_bundle_ros.control.strain_gains import (
     RATE_LAG,
     SPAN,
     stiffness_grid,
-    stiffnesses_below,
+    stiffnesses_between,
     strain_gains,
     unit_stiffness,
 )
@@ -119,24 +120,33 @@ def test_stiffnesses_for_which_gains_are_worked_out_go_up_in_even_ratios(bundles
 @pytest.mark.parametrize('stiffness', [0.3, 26.0, 438.7])
 def test_stiffnesses_for_heavy_loads_go_down_to_the_heaviest(stiffness):
     """In steps whose ranges meet, and the same steps wherever they end."""
-    below = stiffnesses_below(stiffness, 100.0)
-    assert below[0] <= stiffness / 100.0 < below[1]
+    below = stiffnesses_between(stiffness / 100.0, stiffness)
+    assert below[0] / SPAN ** 2 <= stiffness / 100.0 < below[0]
     assert below[-1] < stiffness <= below[-1] * SPAN ** 2
     assert np.array(below[1:]) / below[:-1] == pytest.approx(SPAN ** 2)
-    assert set(below[1:]) <= set(stiffnesses_below(1e3, 1e6))
+    assert set(below) <= set(stiffnesses_between(1e-3, 1e3))
 
 
-def test_only_an_unknown_load_may_be_heavier_than_gains_are_computed_for(bundles):
-    """With a known one they stay those of the least stiffness; the record has one size."""
+@pytest.mark.parametrize('lighter', [False, True])
+def test_only_an_unknown_load_may_be_heavier_or_lighter_than_is_usual(bundles, lighter):
+    """With a known one gains stay those of the stiffnesses; the record has one size."""
     bundle = bundles[3]
     known, unknown = (outer_settings(OuterConfig(), load, bundle)
                       for load in (LoadModel(force=10.0), LoadModel()))
-    least = stiffness_grid(bundle, 0.0)[0]
-    low = np.array(unknown.stiffnesses) < least
-    assert low.sum() >= 5
+    usual, found = stiffness_grid(bundle, 0.0), np.array(unknown.stiffnesses)
+    beyond = found > usual[-1] if lighter else found < usual[0]
+    assert beyond.sum() >= 4
     assert known.stiffnesses == unknown.stiffnesses
-    assert len({gain for gain, below in zip(known.strain_integral, low) if below}) == 1
-    assert np.all(np.diff(np.array(unknown.strain_integral)[low]) > 0.0)
+    assert np.all(np.diff(found) > 0.0)
+    assert len({gain for gain, out in zip(known.strain_integral, beyond) if out}) == 1
+    assert len({gain for gain, out in zip(unknown.strain_integral, beyond) if out}) >= 4
+
+
+def test_a_slow_heavy_load_gets_feedback_of_several_times_its_stiffness():
+    """The dead time is then short beside its oscillation."""
+    gains = strain_gains(15.0, 0.6, 0.0, 0.015)
+    assert gains.gain > 2.0 * 15.0
+    assert gains.damping > math.sqrt(15.0 * 0.6)
 
 
 def test_any_load_has_a_hundredth_of_critical_damping():

@@ -51,13 +51,14 @@ def test_the_stiffness_that_gains_go_by_is_the_slope_of_the_model(bundles, units
 
 
 def test_every_stiffness_of_six_units_gets_feedback(bundles):
-    """From one small unit to all, 1 to 50 in stiffness: an integral and damping everywhere."""
+    """An integral everywhere, and damping unless the dead time is long beside an oscillation."""
     settings = outer_settings(OuterConfig(delay=5e-3), LoadModel(), bundles[6])
     lowest, highest = settings.stiffnesses[0], settings.stiffnesses[-1]
     assert highest > 50.0 * lowest
     for stiffness in np.geomspace(0.5 * lowest, 2.0 * highest, 40):
         assert at_stiffness(settings, settings.strain_integral, stiffness) > 0.0
-        assert at_stiffness(settings, settings.strain_damping, stiffness) > 0.0
+        if stiffness < settings.most_stiffness:
+            assert at_stiffness(settings, settings.strain_damping, stiffness) > 0.0
 
 
 def test_gains_do_not_jump_with_the_stiffness(bundles):
