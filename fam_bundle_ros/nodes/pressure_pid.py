@@ -119,7 +119,6 @@ class PressurePidNode(BundleNode):
         self._loop_state = LoopState(self, self.unit)
         self._loop_state.say(self._guard.now)
         self._gate = Gate(('pressure', 'setpoint', 'strain', 'supply'))
-        self._gate_since = time.monotonic()
         self.subscribe(interface.pressure_topic(self.unit), FluidPressure, self._on_pressure)
         self.subscribe(interface.setpoint_topic(self.unit), FluidPressure, self._on_setpoint)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
@@ -233,8 +232,6 @@ class PressurePidNode(BundleNode):
     # --- lock-step -----------------------------------------------------------------------------
 
     def _collect(self, channel: str, stamp: int, value: Any) -> None:
-        if stamp > self._gate.stamp:
-            self._gate_since = time.monotonic()
         if self._gate.put(channel, stamp, value):
             self._answer_gate()
 
@@ -250,17 +247,13 @@ class PressurePidNode(BundleNode):
 
     def _check_time(self) -> None:
         """Detect missing messages: nothing else runs while the rig is silent."""
-        now = time.monotonic()
         if self.lock_step:
-            if (self._gate.begun and self._gate.missing
-                    and now - self._gate_since > 1.5 * self.p['lock_step_timeout']):
-                lost = self._gate.give_up()
+            if lost := self._gate.overdue(1.5 * self.p['lock_step_timeout']):
                 self.say('lost', f"mu{self.unit}: no {', '.join(lost)} any more", 0.0)
                 self._answer_gate()
             return
-        if self._pressure_meter.last is None:
-            return
-        if now - self._pressure_meter.last > self.p['sensor_timeout']:
+        now, last = time.monotonic(), self._pressure_meter.last
+        if last is not None and now - last > self.p['sensor_timeout']:
             self._publish(self.now_ns(), self._judge(now, None))
 
     def _now(self, stamp: int) -> float:

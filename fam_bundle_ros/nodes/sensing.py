@@ -122,10 +122,10 @@ class Sensing:
         #: Rate and age of each channel.
         self.meters = {name: Meter() for name in sensors}
         self.latency = dict.fromkeys(sensors, 0.0)
-        self._latest: dict[str, tuple[int, Any]] = {}
-        self._fresh: set[str] = set()
+        self._latest: dict[str, Any] = {}
+        #: Channels with a new value, and its stamp, ns.
+        self._fresh: dict[str, int] = {}
         self._gate = Gate([*sensors, *self._extra])
-        self._gate_since = time.monotonic()
         self._rate = StrainRate()
         self._last_sample = time.monotonic()
         self._stamp = -1
@@ -144,16 +144,12 @@ class Sensing:
 
     def check_time(self) -> None:
         """Detect missing channels; call this from a timer, for a rig that is silent."""
-        now = time.monotonic()
         if self._node.lock_step:
-            if (self._gate.begun and self._gate.missing
-                    and now - self._gate_since > self._node.p['lock_step_timeout']):
-                lost = self._gate.give_up()
+            if lost := self._gate.overdue(self._node.p['lock_step_timeout']):
                 self._node.say('lost', f"no {', '.join(lost)} any more", 0.0)
                 self._complete_gate()
-            return
-        if self._latest and now - self._last_sample > 2.0 / self._node.p['rate']:
-            self._complete(silent=not self._fresh)
+        elif self._latest and time.monotonic() - self._last_sample > 2.0 / self._node.p['rate']:
+            self._complete()
 
     def report(self, report: Report) -> None:
         """Add rate and age of every channel; warn of one that is too slow."""
@@ -208,14 +204,11 @@ class Sensing:
             In the units of the channel.
         """
         if self._node.lock_step:
-            if stamp > self._gate.stamp:
-                self._gate_since = time.monotonic()
             if self._gate.put(channel, stamp, value):
                 self._complete_gate()
             return
-        self._latest[channel] = (stamp, value)
+        self._latest[channel], self._fresh[channel] = value, stamp
         self.latency[channel] = self._node.latency(stamp)
-        self._fresh.add(channel)
         if self._all_fresh:
             self._due.reset()
 
@@ -229,25 +222,23 @@ class Sensing:
             self._complete()
 
     def _complete_gate(self) -> None:
-        gate = self._gate
-        lost = (math.nan, math.nan)
-        self._stamp = gate.stamp
-        strain, rate = gate.value('strain', lost)
-        self._on_sample(Sample(
-            gate.stamp, gate.value('force', math.nan), strain, rate,
-            [gate.value(f'mu{i + 1}', math.nan) for i in range(self._units)],
-            {name: gate.value(name) for name in self._extra}))
+        self._stamp = self._gate.stamp
+        self._hand_over(self._gate.value)
 
-    def _complete(self, silent: bool = False) -> None:
-        # Only new values: a silent channel whose clock is ahead must not stop the time.
-        stamp = self._stamp = max((self._latest[name][0] for name in self._fresh),
-                                  default=self._stamp)
-        self._fresh.clear()
+    def _complete(self) -> None:
+        """Hand over the last values; without a new one the sample is silent."""
+        silent = not self._fresh
         if not silent:
             self._last_sample = time.monotonic()
-        missing = (stamp, math.nan)
-        strain, rate = self._latest.get('strain', (stamp, (math.nan, math.nan)))[1]
+            # Only new values: a silent channel whose clock is ahead must not stop the time.
+            self._stamp = max(self._fresh.values())
+        self._fresh.clear()
+        self._hand_over(self._latest.get, silent)
+
+    def _hand_over(self, value: Callable[[str, Any], Any], silent: bool = False) -> None:
+        """Make a sample of ``value(channel, value if there is none)``."""
+        strain, rate = value('strain', (math.nan, math.nan))
         self._on_sample(Sample(
-            stamp, self._latest.get('force', missing)[1], strain, rate,
-            [self._latest.get(f'mu{i + 1}', missing)[1] for i in range(self._units)], {},
-            silent))
+            self._stamp, value('force', math.nan), strain, rate,
+            [value(f'mu{i + 1}', math.nan) for i in range(self._units)],
+            {name: value(name, None) for name in self._extra}, silent))
