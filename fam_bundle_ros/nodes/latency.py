@@ -30,7 +30,7 @@ from fam_bundle_ros.nodes.empty import empty_node, EmptyRig, roles
 from fam_bundle_ros.nodes.models import model_in
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
-from fam_bundle_ros.nodes.process import node_command
+from fam_bundle_ros.nodes.process import node_command, ros_context
 from fam_bundle_ros.nodes.session import DESKTOP
 from fam_bundle_ros.resources import config_path
 
@@ -159,9 +159,8 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
     namespace = f'bench_{os.getpid()}'
     watch = Stopwatch(units)
     children: list[subprocess.Popen] = []
-    context = Context()
-    context.init(args=['--ros-args', '--log-level', 'error'])
-    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch:
+    with (ros_context(log_level='error') as context,
+          tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch):
         values = {'model': model_in(scratch, 'model', _bundle(units)), 'rate': rate,
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': False, 'start_stopped': False, 'start_enabled': True,
@@ -190,7 +189,6 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
             executor.shutdown()
             for node in nodes:
                 node.destroy_node()
-            context.try_shutdown()
 
 
 def _timed(executor: Executor, watch: Stopwatch, seconds: float,

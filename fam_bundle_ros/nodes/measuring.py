@@ -35,7 +35,7 @@ from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.diagnostics import ERROR
 from fam_bundle_ros.nodes.models import model_in
-from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
 from fam_bundle_ros.nodes.rig_parameters import pressure_parameters
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
@@ -224,8 +224,8 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
         with ExitStack() as ending:
             # Before the first node, as a KeyboardInterrupt in a callback would be lost.
             signals = ending.enter_context(StopSignals())
-            context = begin('warn', domain, alone=domain is None and not rig)
-            ending.callback(context.try_shutdown)
+            context = ending.enter_context(
+                ros_context(domain, 'warn', alone=domain is None and not rig))
             node = {'context': context, 'namespace': namespace}
             if rig:
                 nodes: list[BundleNode] = []

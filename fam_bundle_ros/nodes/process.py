@@ -7,7 +7,8 @@ Signals only set a flag. rclpy's own handlers would shut the context down before
 command could be published, and an exception inside a callback could interrupt a node midway.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 import os
 import signal
@@ -40,9 +41,11 @@ PATIENCE = 2.0
 NodeFactory = Callable[[Context], Sequence[BundleNode]]
 
 
-def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Context:
+@contextmanager
+def ros_context(domain: int | None = None, log_level: str = 'info', alone: bool = False
+                ) -> Iterator[Context]:
     """
-    Return a context for nodes of this process.
+    Yield a context for nodes of this process, and shut it down at the end.
 
     With ``alone``, the nodes are visible to each other only, so that a simulated run cannot move a
     real rig of the same names.
@@ -50,7 +53,10 @@ def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Con
     context = Context()
     with variables(**{'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'} if alone else {}):
         context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
-    return context
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
 
 
 class Spinner:

@@ -13,7 +13,6 @@ import struct
 import time
 from typing import Any
 
-from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from fam_bundle_ros.bagwriter import BagWriter
@@ -21,7 +20,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.interface import Topic
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 
 #: Largest number of motor units that is searched for.
 _MOST_UNITS = 64
@@ -137,9 +136,7 @@ def record(folder: str | Path, seconds: float | None = None,
         When no topic of the interface is found within 10 s.
     """
     with ExitStack() as ending:
-        context = Context()
-        context.init(domain_id=domain)
-        ending.callback(context.try_shutdown)
+        context = ending.enter_context(ros_context(domain))
         writer = ending.enter_context(closing(BagWriter(folder)))
         node = Recorder(writer, context=context, namespace=namespace)
         spinner = ending.enter_context(closing(Spinner(context, [node])))

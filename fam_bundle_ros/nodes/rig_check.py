@@ -3,6 +3,7 @@
 """Checks whether a rig conforms to the interface: names, types, rates, units, signs, noise."""
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 import time
@@ -17,7 +18,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.e_stop import UNHEARD
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 from fam_bundle_ros.nodes.recording import matching_qos
 from fam_bundle_ros.plant.faults import UNITS
 
@@ -136,12 +137,9 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
     -------
     list of Finding
     """
-    context = Context()
-    context.init(domain_id=domain)
-    node = _Listener(context, namespace, length)
-    spinner = Spinner(context, [node])
-    try:
-        with StopSignals() as signals:
+    with ros_context(domain) as context:
+        node = _Listener(context, namespace, length)
+        with closing(Spinner(context, [node])) as spinner, StopSignals() as signals:
             begin = time.monotonic()
             sensors = {node.resolve_topic_name(name) for name in (
                 interface.FORCE, interface.STRAIN,
@@ -162,9 +160,6 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
             more = [Finding(True, 'motor units', f'{there}, but {units} in the model: no node '
                             'commands the others', note=True)] if there > units else []
             return more + _judge(node, max(units, there), seconds, ambient, gauge)
-    finally:
-        spinner.close()
-        context.try_shutdown()
 
 
 def _listen(node: _Listener, length: float) -> int:

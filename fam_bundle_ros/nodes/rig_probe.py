@@ -9,15 +9,15 @@ whether the unit empties when commands stop. A failure ends the check with all u
 """
 
 from collections.abc import Callable
+from contextlib import closing
 
 import numpy as np
-from rclpy.context import Context
 
 from fam_bundle_ros.control.rig_fit import split_volume, ValveFit
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 from fam_bundle_ros.nodes.rig_hand import Channel, Hand, Session, Vented
 from fam_bundle_ros.nodes.rig_unit import COME_UP, Probe, UnitProbe
 
@@ -69,12 +69,9 @@ def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMES
     if not _LEAST <= supply <= most:
         raise InputError(f'supply is {supply / 1e3:g} kPa; expected a low one, '
                          f'{_LEAST / 1e3:g} to {most / 1e3:.0f} kPa')
-    context = Context()
-    context.init(domain_id=domain)
-    hand = Hand(context, namespace, bundle.n, bundle.length)
-    spinner = Spinner(context, [hand])
-    try:
-        with StopSignals() as signals:
+    with ros_context(domain) as context:
+        hand = Hand(context, namespace, bundle.n, bundle.length)
+        with closing(Spinner(context, [hand])) as spinner, StopSignals() as signals:
             session = Session(hand, spinner, lambda: signals.received)
             result = Probe()
             try:
@@ -85,9 +82,6 @@ def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMES
             finally:
                 session.let_go()
             return result
-    finally:
-        spinner.close()
-        context.try_shutdown()
 
 
 class _Work:
