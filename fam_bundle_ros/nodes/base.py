@@ -44,6 +44,7 @@ COMMON = (
 LISTENER = (
     Spec('pressure_is_gauge', False, 'the rig sends gauge pressure, although FluidPressure is '
          'absolute by definition'),
+    Spec('rate', 200.0, 'samples per second that the rig is expected to send', 1.0, 2000.0),
 )
 #: Hint for a pressure that, as an absolute one, would be far below a vacuum.
 GAUGE = 'does the driver send gauge pressure (then pressure_is_gauge) or another unit than Pa?'
@@ -54,11 +55,7 @@ LATENCY = (
     Spec('max_latency', -1.0, 'largest age of a reading on arrival, s; -1: three sample periods '
          'of `rate`', -1.0, 60.0),
 )
-MODEL = (
-    Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships',
-         dynamic=True),
-)
-
+MODEL = Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships')
 
 _NUMBER = re.compile(r'[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)')
 

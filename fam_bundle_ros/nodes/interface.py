@@ -30,6 +30,8 @@ from trajectory_msgs.msg import JointTrajectory
 from fam_bundle_ros.errors import InputError
 
 NAMESPACE = 'bundle'
+#: Largest number of motor units of a bundle.
+MOST_UNITS = 64
 
 FORCE = 'force'
 STRAIN = 'strain'

@@ -12,6 +12,7 @@ import yaml
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import (
     bundle_bringup,
+    interface,
     model_monitor,
     pid_parameters,
     plant_simulator,
@@ -21,13 +22,11 @@ from fam_bundle_ros.nodes import (
 )
 from fam_bundle_ros.nodes.base import BundleNode, COMMON
 
-#: Largest number of motor units of a node.
-_UNITS = 64
 #: Names of all parameters; files may contain those of nodes that are not started here.
 NAMES = frozenset(spec.name for spec in (
     *COMMON, *bundle_bringup.SPECS, *model_monitor.SPECS, *pid_parameters.SPECS,
     *plant_simulator.SPECS, *recruitment_parameters.SPECS, *reference_generator.SPECS,
-    *serial_parameters.SPECS, *serial_parameters.scale_specs(_UNITS)))
+    *serial_parameters.SPECS, *serial_parameters.scale_specs(interface.MOST_UNITS)))
 
 
 def refuse_unknown(nodes: Iterable[BundleNode]) -> None:

@@ -30,7 +30,7 @@ from fam_bundle_ros.data.protocol import minutes, Protocol, read_protocol, segme
 from fam_bundle_ros.data.segment_store import SegmentStore
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.nodes import interface, sensing
+from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.diagnostics import ERROR
@@ -79,7 +79,7 @@ class Measuring(BundleNode):
     """
 
     def __init__(self, bundle: Bundle, run: ProtocolRun, clock: float, **keywords: Any):
-        super().__init__('measuring', (*LISTENER, *sensing.SPECS), **keywords)
+        super().__init__('measuring', LISTENER, **keywords)
         self._run, self._zero = run, clock
         self._first: int | None = None
         self._last = -1

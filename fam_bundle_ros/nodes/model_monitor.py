@@ -12,6 +12,7 @@ nodes.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 import json
 import math
 from typing import Any
@@ -21,7 +22,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.nodes import interface, sensing
+from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
 from fam_bundle_ros.nodes.diagnosing import Diagnosing
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, Report, WARN
@@ -32,7 +33,7 @@ from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 
 SPECS = (
-    *MODEL, *LISTENER, *sensing.SPECS,
+    replace(MODEL, dynamic=True), *LISTENER,
     Spec('window', 60.0, 'window of the rms error, and time without alarm after which the model '
          'holds again, s', 0.5, 600.0),
     Spec('memory', 300.0, 'length of the memory, s', 10.0, 3600.0),

@@ -84,7 +84,7 @@ class Spec:
                                      read_only=not self.dynamic)
         if self.choices:
             result.additional_constraints = self.expected
-        if isinstance(self.default, bool) or isinstance(self.default, str):
+        if isinstance(self.default, (bool, str)):
             return result
         # With a step other than 0, rclpy refuses the values between the steps.
         if isinstance(self.default, int):
@@ -99,7 +99,6 @@ class Spec:
         """Check that a text is one of the choices; ROS itself has checked type and range."""
         if self.choices and value not in self.choices:
             raise InputError(f'parameter {self.name} is {value!r}; expected {self.expected}')
-
 
     def loosens(self, before: Any, after: Any) -> bool:
         """Return whether a change loosens a safety limit."""
@@ -140,8 +139,8 @@ class Parameters(dict[str, Any]):
                 spec.check(value)
             self[spec.name] = value
 
-    def on_change(self, node: Node, check: Callable[[dict[str, Any]], Any],
-                  apply: Callable[[dict[str, Any]], None],
+    def on_change(self, node: Node, check: Callable[[dict[str, Any]], Any] = lambda values: None,
+                  apply: Callable[[dict[str, Any]], None] = lambda changes: None,
                   acting: Callable[[], bool] = lambda: False) -> None:
         """
         Validate and apply changes while the node runs.
@@ -187,12 +186,9 @@ def table(specs: Sequence[Spec]) -> str:
     """Return the parameters as lines of text, for ``--help``."""
     lines = []
     for spec in specs:
+        default = repr(spec.default)
         if isinstance(spec.default, bool):
-            default = 'true' if spec.default else 'false'
-        elif isinstance(spec.default, str):
-            default = f"'{spec.default}'"
-        else:
-            default = str(spec.default)
+            default = default.lower()
         bounds = '' if isinstance(spec.default, (bool, str)) else f' [{spec.low:g}..{spec.high:g}]'
         kind = ('changes while off' if spec.at_rest else
                 'changes while running' if spec.dynamic else 'at start')

@@ -36,7 +36,7 @@ from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 
 SPECS = (
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
+    MODEL,
     Spec('plant_model', '', 'model file of the rig if other than `model`, for a hidden effect'),
     HIDDEN,
     Spec('rate', 200.0, 'samples per second', 10.0, 2000.0),

@@ -22,8 +22,6 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.interface import Topic
 from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 
-#: Largest number of motor units that is searched for.
-_MOST_UNITS = 64
 #: Time-out of `record` for the first topic, s.
 _PATIENCE = 10.0
 #: Period of writing to the disk, s: a killed process loses no more than this.
@@ -77,7 +75,7 @@ class Recorder(BundleNode):
     def discover(self) -> None:
         """Record the topics of the interface that are on the graph and not recorded yet."""
         known = {self.resolve_topic_name(topic.name): topic
-                 for topic in interface.topics(_MOST_UNITS)}
+                 for topic in interface.topics(interface.MOST_UNITS)}
         for name, types in self.get_topic_names_and_types():
             topic = known.get(name)
             if topic is None or name in self.recorded or topic.type_name not in types:

@@ -10,6 +10,7 @@ reference has a subscriber. The last value is held. With ``give_way`` it is sile
 node sends ``reference/pressures``, and resumes a second later; its time continues meanwhile.
 """
 
+from dataclasses import replace
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import WrenchStamped
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from fam_bundle_ros.simulation import Trajectory
 
 SPECS = (
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for the rest length'),
+    replace(MODEL, text=f'{MODEL.text}: for the rest length'),
     Spec('trajectory', '', 'trajectory file: a path, or the name of one that ships'),
     Spec('repeat', False, 'repeat the trajectory', dynamic=True),
     Spec('prepare', 0.0, 'time for which the first value is held before the start, s', 0.0, 60.0),
@@ -85,7 +86,7 @@ class ReferenceGenerator(BundleNode):
         self.subscribe(interface.FORCE, WrenchStamped,
                        lambda m: self._on_sample(interface.FORCE, m))
         self.subscribe(interface.REFERENCE_PRESSURES, JointState, self._on_pressures)
-        p.on_change(self, lambda values: None, lambda changes: None)
+        p.on_change(self)
         self._diagnostics = Diagnostics(self, self._report)
 
     @property

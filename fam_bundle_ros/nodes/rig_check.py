@@ -35,7 +35,6 @@ _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
 _PUSH = 50.0
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
-_MOST_UNITS = 64
 #: A larger latency than this comes from clocks that differ, not from the network, s.
 _APART = 1.0
 
@@ -166,7 +165,7 @@ def _listen(node: _Listener, length: float) -> int:
     """Subscribe to every sensor of the right type; return the number of motor units."""
     types = node.types()
     units = 0
-    while units < _MOST_UNITS and node.resolve_topic_name(
+    while units < interface.MOST_UNITS and node.resolve_topic_name(
             interface.pressure_topic(units + 1)) in types:
         units += 1
     readers: dict[str, Callable[[Any], float]] = {

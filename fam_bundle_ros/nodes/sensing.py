@@ -24,16 +24,11 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Meter, Report
 from fam_bundle_ros.nodes.gate import Gate
-from fam_bundle_ros.nodes.parameters import Spec
 
 #: Cut-off of the low-pass for the differentiated strain, Hz.
 _RATE_CUTOFF = 20.0
 #: Period of repeated warnings in the log, s; diagnostics have them every second.
 _REMIND = 60.0
-
-SPECS = (
-    Spec('rate', 200.0, 'samples per second that the rig is expected to send', 1.0, 2000.0),
-)
 
 
 @dataclass(frozen=True)
@@ -91,7 +86,7 @@ class Sensing:
     Parameters
     ----------
     node : BundleNode
-        With the parameters of `SPECS` and `LISTENER`.
+        With the parameters of `LISTENER`.
     units : int
     length : float, m
         Rest length of the bundle.
