@@ -74,6 +74,11 @@ LOAD_CELL_FRAME = 'load_cell'
 FASTEST = 10.0
 
 
+def unit_names(units: int) -> list[str]:
+    """Return mu1, mu2, ..., as in the messages that have a joint for each motor unit."""
+    return [f'mu{unit}' for unit in range(1, units + 1)]
+
+
 def pressure_topic(unit: int) -> str:
     """Return the name of a motor unit's pressure topic."""
     return f'mu{unit}/pressure'
@@ -224,10 +229,8 @@ def strain_writer(length: float) -> Callable[[int, float, float], JointState]:
         Rest length of the bundle.
     """
     joints = joint_writer(('contraction', 'strain'), 'position', 'velocity')
-
-    def write(stamp: int, strain: float, rate: float) -> JointState:
-        return joints(stamp, (strain * length, strain), (rate * length, rate))
-    return write
+    return lambda stamp, strain, rate: joints(stamp, (strain * length, strain),
+                                              (rate * length, rate))
 
 
 def contraction_writer() -> Callable[[int, float], JointState]:
@@ -302,10 +305,7 @@ def valve_writer(unit: int) -> Callable[[int, float], JointState]:
     The stamp is that of the reading on which the command is based.
     """
     joints = joint_writer((f'mu{unit}_valve',), 'effort')
-
-    def write(stamp: int, command: float) -> JointState:
-        return joints(stamp, (command,))
-    return write
+    return lambda stamp, command: joints(stamp, (command,))
 
 
 def valve_message(stamp: int, unit: int, command: float) -> JointState:
@@ -343,15 +343,12 @@ def reference_force_writer() -> Callable[[int, float, float], WrenchStamped]:
 def reference_strain_writer() -> Callable[[int, float, float], JointState]:
     """Return the writer (stamp, strain, rate in 1/s) of a strain reference."""
     joints = joint_writer(('strain',), 'position', 'velocity')
-
-    def write(stamp: int, strain: float, rate: float) -> JointState:
-        return joints(stamp, (strain,), (rate,))
-    return write
+    return lambda stamp, strain, rate: joints(stamp, (strain,), (rate,))
 
 
 def reference_pressures_writer(units: int) -> Callable[[int, Iterable[float]], JointState]:
     """Return the writer (stamp, gauge pressures in Pa) of pressure references."""
-    return joint_writer([f'mu{k + 1}' for k in range(units)], 'effort')
+    return joint_writer(unit_names(units), 'effort')
 
 
 def read_pressures(message: JointState, units: int) -> tuple[float, ...]:
@@ -363,7 +360,7 @@ def read_pressures(message: JointState, units: int) -> tuple[float, ...]:
     InputError
         When not every motor unit has exactly one.
     """
-    names = [f'mu{k + 1}' for k in range(units)]
+    names = unit_names(units)
     if sorted(message.name) != sorted(names) or len(message.effort) != units:
         raise InputError(f"pressures name {', '.join(message.name) or 'nothing'} with "
                          f"{len(message.effort)} efforts; expected {', '.join(names)} with one "
@@ -379,13 +376,10 @@ def state_message(state: int) -> UInt8:
     return UInt8(data=int(state))
 
 
-def recruitment_writer(units: int) -> Callable[..., JointState]:
+def recruitment_writer(units: int) -> Callable[[int, Iterable[bool], Iterable[float]], JointState]:
     """Return the writer of 0 or 1 (position) and share of the force (effort) per motor unit."""
-    joints = joint_writer([f'mu{k + 1}' for k in range(units)], 'position', 'effort')
-
-    def write(stamp: int, active: Iterable[bool], share: Iterable[float]) -> JointState:
-        return joints(stamp, map(bool, active), share)
-    return write
+    joints = joint_writer(unit_names(units), 'position', 'effort')
+    return lambda stamp, active, share: joints(stamp, map(bool, active), share)
 
 
 def bool_message(value: bool) -> Bool:

@@ -126,7 +126,7 @@ class PlantSimulator(BundleNode):
                 'supply.pressure (of the pressure loops too)')
         self._hidden = HiddenEffect(self.rig, p[HIDDEN.name])
         self.units = self.rig.bundle.n
-        self._channels = [f'mu{i + 1}' for i in range(self.units)]
+        self._channels = interface.unit_names(self.units)
         self._script = script
         self._profile = load_profile(p['load.profile']) if p['load.profile'] else None
         if self._profile and (self._profile.kind != 'strain' or not isinstance(

@@ -109,11 +109,11 @@ class Sensing:
                  on_pressure: Callable[[int, float], None] | None = None):
         self._node = node
         self._on_pressure = None if node.lock_step else on_pressure
-        self._units = units
+        self._pressures = interface.unit_names(units)
         self._length = length
         self._on_sample = on_sample
         self._extra = tuple(extra) if node.lock_step else ()
-        sensors = ['force', 'strain', *(f'mu{i + 1}' for i in range(units))]
+        sensors = ['force', 'strain', *self._pressures]
         #: Rate and age of each channel.
         self.meters = {name: Meter() for name in sensors}
         self.latency = dict.fromkeys(sensors, 0.0)
@@ -133,8 +133,8 @@ class Sensing:
         self._due.cancel()
         self._listen('force', interface.FORCE, WrenchStamped, interface.read_force)
         self._listen('strain', interface.STRAIN, JointState, self._read_strain)
-        for i in range(units):
-            self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure,
+        for i, name in enumerate(self._pressures):
+            self._listen(name, interface.pressure_topic(i + 1), FluidPressure,
                          partial(self._read_pressure, i))
 
     def check_time(self) -> None:
@@ -235,5 +235,5 @@ class Sensing:
         strain, rate = value('strain', (math.nan, math.nan))
         self._on_sample(Sample(
             self._stamp, value('force', math.nan), strain, rate,
-            [value(f'mu{i + 1}', math.nan) for i in range(self._units)],
+            [value(name, math.nan) for name in self._pressures],
             {name: value(name, None) for name in self._extra}, silent))
