@@ -43,9 +43,8 @@ from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
-from fam_bundle_ros.nodes.pid_readings import LongestGap, Stretch
+from fam_bundle_ros.nodes.pid_readings import Air, LongestGap, SAMPLES, Stretch
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 

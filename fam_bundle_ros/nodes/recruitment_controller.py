@@ -29,14 +29,13 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Report, WARN
-from fam_bundle_ros.nodes.doubts import OffTarget
 from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import crowded, Oversight
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.recruitment_parameters import controller_config, SPECS
 from fam_bundle_ros.nodes.reference_intake import ReferenceIntake
-from fam_bundle_ros.nodes.references import MovingReference
+from fam_bundle_ros.nodes.references import MovingReference, OffTarget
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.supply_enable import SupplyEnable, TIMEOUT
 
