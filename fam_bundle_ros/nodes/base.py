@@ -124,10 +124,23 @@ class BundleNode(Node):
             self._streams.append(publisher)
         return publisher
 
-    def sender(self, topic: str, kind: Any, write: Callable[..., Any]) -> Callable[..., None]:
+    def sender(self, topic: str, kind: Any, write: Callable[..., Any],
+               qos: QoSProfile = interface.PUBLISH) -> Callable[..., None]:
         """Return a function that publishes the message that ``write`` makes of its arguments."""
-        publish = self.publisher(topic, kind).publish
+        publish = self.publisher(topic, kind, qos).publish
         return lambda *values: publish(write(*values))
+
+    def announcer(self, topic: str, kind: Any, write: Callable[[Any], Any]
+                  ) -> Callable[[Any], None]:
+        """Return a function that publishes a value, latched, if it is not the one before."""
+        send, last = self.sender(topic, kind, write, interface.LATCHED), None
+
+        def announce(value: Any) -> None:
+            nonlocal last
+            if value != last:
+                last = value
+                send(value)
+        return announce
 
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], Any],
                   qos: QoSProfile | None = None) -> Subscription:

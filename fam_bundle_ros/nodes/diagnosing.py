@@ -78,7 +78,8 @@ class Diagnosing:
         self._file = self._failure = ''
         self._thread = ThreadPoolExecutor(1, 'model_monitor')
         self._look: Future[tuple[str, Candidate | None]] | None = None
-        self._publisher = node.publisher(interface.MODEL_DIAGNOSIS, String, interface.LATCHED)
+        self._send = node.sender(interface.MODEL_DIAGNOSIS, String, interface.text_message,
+                                 interface.LATCHED)
         node.trigger(interface.DIAGNOSE, self._diagnose)
         node.every(_POLL, self._poll)
         node.every(_LOOK, self.look_closer)
@@ -155,7 +156,7 @@ class Diagnosing:
             return
         self._node.get_logger().info(f'diagnosis: {done.file}')
         self._file, self._candidate = done.model_file, None
-        self._publisher.publish(String(data=done.text))
+        self._send(done.text)
         self.look_closer()
 
     # --- the thread ----------------------------------------------------------------------------

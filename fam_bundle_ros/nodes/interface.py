@@ -382,6 +382,11 @@ def recruitment_writer(units: int) -> Callable[[int, Iterable[bool], Iterable[fl
     return lambda stamp, active, share: joints(stamp, map(bool, active), share)
 
 
+def text_message(text: str) -> String:
+    """Return a text."""
+    return String(data=text)
+
+
 def bool_message(value: bool) -> Bool:
     """Return a Bool; a numpy bool would be sent as False."""
     return Bool(data=bool(value))

@@ -68,11 +68,11 @@ class ModelMonitor(BundleNode):
         self.watch = ModelWatch(bundle, p['window'], p['memory'], p['false_alarms'],
                                 p['tolerance'] if p['tolerance'] > 0.0 else None)
         self._stamp = -1
-        self._held, self._state = True, ''
+        self._held = True
         self._send_model, self._send_residual = (
             self.sender(topic, WrenchStamped, interface.force_writer())
             for topic in (interface.MODEL_FORCE, interface.MODEL_RESIDUAL))
-        self._state_publisher = self.publisher(interface.MODEL_STATE, String, interface.LATCHED)
+        self._announce = self.announcer(interface.MODEL_STATE, String, interface.text_message)
         self._diagnosing = Diagnosing(self, self.watch, self._publish_state)
         self._sensing = Sensing(self, bundle.n, bundle.length, self._on_sample)
         self.subscribe(interface.MODEL_APPLIED, String, self._on_applied, interface.LATCHED)
@@ -132,11 +132,8 @@ class ModelMonitor(BundleNode):
     # --- output --------------------------------------------------------------------------------
 
     def _publish_state(self) -> None:
-        text = json.dumps({**self.watch.state(), 'file': self.p['model'],
-                           **self._diagnosing.state})
-        if text != self._state:
-            self._state = text
-            self._state_publisher.publish(String(data=text))
+        self._announce(json.dumps({**self.watch.state(), 'file': self.p['model'],
+                                   **self._diagnosing.state}))
 
     def _report(self, report: Report) -> None:
         self._sensing.report(report)

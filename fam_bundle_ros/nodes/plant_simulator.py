@@ -171,7 +171,8 @@ class PlantSimulator(BundleNode):
             *pressures,
             ('force', self.sender(interface.FORCE, WrenchStamped, interface.force_writer())),
             ('supply', supply[1])]
-        self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
+        self._send_stop = self.sender(interface.E_STOP, Bool, interface.bool_message,
+                                      interface.LATCHED)
         self._time_publisher = (self.publisher(interface.CLOCK, Clock)
                        if self.lock_step and self.p['publish_clock'] else None)
         for i in range(self.units):
@@ -347,7 +348,7 @@ class PlantSimulator(BundleNode):
     def _announce_stop(self) -> None:
         if self.rig.e_stopped:
             self.get_logger().warning(f'stopped: {self.rig.e_stopped}')
-        self._e_stop.publish(interface.bool_message(bool(self.rig.e_stopped)))
+        self._send_stop(bool(self.rig.e_stopped))
 
     # --- services and parameters ---------------------------------------------------------------
 

@@ -92,7 +92,6 @@ class RecruitmentNode(BundleNode):
         #: Last setpoints, Pa (gauge), and last command, None while the controller is off.
         self.setpoints = [0.0] * n
         self.command: Command | None = None
-        self._published_state = -1
         self._set_up_interface()
 
     def _set_up_interface(self) -> None:
@@ -100,11 +99,11 @@ class RecruitmentNode(BundleNode):
         self._send_setpoint = [
             self.sender(interface.setpoint_topic(i + 1), FluidPressure,
                         interface.pressure_writer(self.ambient)) for i in range(n)]
-        self._state_publisher = self.publisher(interface.RECRUITMENT_STATE, UInt8,
-                                               interface.LATCHED)
+        self._announce_state = self.announcer(interface.RECRUITMENT_STATE, UInt8,
+                                              interface.state_message)
         self._send_recruitment = self.sender(interface.RECRUITMENT, JointState,
                                              interface.recruitment_writer(n))
-        self._publish_state(0)
+        self._announce_state(0)
         self._supply = SupplyEnable(self, lambda silence: self._oversight.stood_still(silence),
                                     max(TIMEOUT, self.p['sensor_timeout']),
                                     lambda: self._oversight.contradicted())
@@ -288,15 +287,10 @@ class RecruitmentNode(BundleNode):
             send(stamp, setpoint)
         command = self.command
         n = self.bundle.n
-        self._publish_state(command.state if command else 0)
+        self._announce_state(command.state if command else 0)
         active = command.active if command else [False] * n
         share = command.share.tolist() if command else [0.0] * n
         self._send_recruitment(stamp, active, share)
-
-    def _publish_state(self, state: int) -> None:
-        if state != self._published_state:
-            self._published_state = state
-            self._state_publisher.publish(interface.state_message(state))
 
     def stop(self) -> None:
         """Publish setpoints of ambient pressure."""

@@ -68,7 +68,7 @@ class Hello:
 @dataclass(frozen=True)
 class BoardSample:
     """
-    One line of readings, in the units of the board.
+    One line of readings, in the units of the board (`Scales.in_si` converts them).
 
     Attributes
     ----------

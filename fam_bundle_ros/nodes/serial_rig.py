@@ -30,8 +30,14 @@ from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, 
 from fam_bundle_ros.nodes.parameters import Parameters
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.serial_link import Event, SerialLink
-from fam_bundle_ros.nodes.serial_parameters import Readings, scale_specs, Scales, SPECS, UNITS
-from fam_bundle_ros.nodes.serial_protocol import AIR, command_line, hello_line, OVER_PRESSURE
+from fam_bundle_ros.nodes.serial_parameters import scale_specs, Scales, SPECS, UNITS
+from fam_bundle_ros.nodes.serial_protocol import (
+    AIR,
+    BoardSample,
+    command_line,
+    hello_line,
+    OVER_PRESSURE,
+)
 
 #: Longest time without a command to the board, s: a tenth of the board's time-out.
 _HEARTBEAT = 0.02
@@ -77,8 +83,7 @@ class SerialRig(BundleNode):
         self._air = Air(self.units, p['command_timeout'], p['supply_timeout'])
         #: Why the rig is stopped until e_stop_reset; empty when it is not.
         self._stop = 'stopped at start: call e_stop_reset' if p['start_stopped'] else ''
-        self._announced: bool | None = None
-        self._readings: Readings | None = None
+        self._readings: BoardSample | None = None
         self._events: deque[Event] = deque()
         self._woken = False
         #: Motor units that were commanded since the last line to the board.
@@ -101,7 +106,7 @@ class SerialRig(BundleNode):
         self._send_supply, *self._send_pressure = (
             self.sender(topic, FluidPressure, interface.pressure_writer(self.ambient, frame))
             for topic, frame in interface.pressure_channels(self.units))
-        self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
+        self._announce_stop = self.announcer(interface.E_STOP, Bool, interface.bool_message)
         for i in range(self.units):
             self.subscribe(interface.valve_topic(i + 1), JointState, partial(self._take_valve, i))
         self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
@@ -140,7 +145,7 @@ class SerialRig(BundleNode):
             event = self._events.popleft()
             if event.kind == 'data':
                 for sample, taken in self._board.feed(event.data, event.time):
-                    self._readings = self._scales.readings(sample)
+                    self._readings = self._scales.in_si(sample)
                     self._publish(self._readings, taken)
                     self._judge(sample.stop, sample.air)
             elif event.kind == 'open':
@@ -156,7 +161,7 @@ class SerialRig(BundleNode):
         if self._board.greeting_due(time.monotonic()):
             self._link.write(hello_line())
 
-    def _publish(self, readings: Readings, taken: float) -> None:
+    def _publish(self, readings: BoardSample, taken: float) -> None:
         self._sample_meter.tick()
         stamp = self._ros_time(taken)
         self._send_force(stamp, readings.force)
@@ -254,10 +259,7 @@ class SerialRig(BundleNode):
         return f"{', '.join(high)}, above {limit / 1e3:g} kPa" if high else ''
 
     def _announce(self) -> None:
-        stopped = bool(self._stop or self._blocked())
-        if stopped != self._announced:
-            self._announced = stopped
-            self._e_stop.publish(interface.bool_message(stopped))
+        self._announce_stop(bool(self._stop or self._blocked()))
 
     def _tick(self) -> None:
         self._drain()
