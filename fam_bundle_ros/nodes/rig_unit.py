@@ -74,7 +74,7 @@ class UnitProbe:
     result : Probe
         Receives the findings.
     bundle : Bundle
-    supply, ambient : float, Pa (gauge), Pa (absolute)
+    supply : float, Pa (gauge)
     tube_volume : float, m^3
 
     Attributes
@@ -86,9 +86,9 @@ class UnitProbe:
     """
 
     def __init__(self, session: Session, result: Probe, bundle: Bundle, supply: float,
-                 tube_volume: float, ambient: float):
+                 tube_volume: float):
         self._session, self._hand, self._result = session, session.hand, result
-        self._bundle, self._supply, self._ambient = bundle, supply, ambient
+        self._bundle, self._supply = bundle, supply
         self._tube = tube_volume
         self._units = range(bundle.n)
         self.left_out: set[int] = set()
@@ -154,7 +154,7 @@ class UnitProbe:
             self._hand.vent(f'{name} does not empty')
         volume = self.gas(unit) + self._tube
         fit = fit_valve(pulses[:, 1], pulses[:, 2] - channel.zero, pulses[:, 3],
-                        volume, full, self._ambient, blocks=blocks)
+                        volume, full, blocks=blocks)
         ok = fit.misfit < _MISFIT * self._supply + 3.0 * channel.noise
         self._result.say(ok, f'{name} valve', f'conductance {fit.conductance:.3g} m^3/(s Pa), '
                          f'dead band {fit.dead_band:.3f}, acts {1e3 * fit.delay:.1f} ms after the '
