@@ -15,11 +15,13 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
 
+from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.resources import config_path
 
 from .board import Pty, Tcp
 from .whole_bundle import hold
@@ -148,6 +150,12 @@ class Graph:
         if self.spinner is None:
             self.spin(0.0)
         self.spinner.close()
+
+
+@pytest.fixture(scope='session')
+def paper_bundle():
+    """Return the bundle of the paper."""
+    return load_model(config_path('models/spie2021.yaml'))
 
 
 @pytest.fixture

@@ -29,23 +29,16 @@ from fam_bundle_ros.data.protocol import (
 )
 from fam_bundle_ros.discovery import Choices, compare, diagnose
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import load_model, Motion
+from fam_bundle_ros.model import Motion
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.measuring import measure, Measuring, Stopped, with_room
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.protocol_run import ProtocolRun
 from fam_bundle_ros.nodes.sensing import Sample
-from fam_bundle_ros.resources import config_path
 
 ISOBARS = Sweep((0.05, 0.15), 0.2, ((100e3, 0.0), (300e3, 0.0), (300e3, 150e3)))
 SHORT = Protocol('short', 2, (ISOBARS,), settle=0.3, travel=0.5)
-
-
-@pytest.fixture(scope='module')
-def paper_bundle():
-    """Return the bundle of the paper."""
-    return load_model(config_path('models/spie2021.yaml'))
 
 
 def one_muscle(bundle, effect=None):
