@@ -125,10 +125,9 @@ def set_valves(rig: Any, state: Any, commands: Any, faults: Any, time: float) ->
 
     A stopped rig exhausts; stuck valves do not move.
     """
-    late = rig.air.delay > 0.0
-    if late:
+    if rig.air.delay > 0.0:
         read_held(state.line, time - rig.air.delay, state.commands)
-    if not late:
+    else:
         for i in range(len(commands)):
             state.commands[i] = commands[i]
     wired = state.wired
