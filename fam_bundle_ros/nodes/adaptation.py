@@ -20,15 +20,7 @@ _PERIOD = 1.0
 
 
 class Adaptation:
-    """
-    Publishes and saves what online adaptation of the recruitment controller has learnt.
-
-    Parameters
-    ----------
-    node : BundleNode
-    controller : callable
-        Returns the present controller.
-    """
+    """Publishes and saves what the controller that ``controller`` returns has learnt."""
 
     def __init__(self, node: Any, controller: Callable[[], RecruitmentController]):
         self._node, self._controller = node, controller

@@ -60,16 +60,7 @@ class BoardClock:
         self._elapsed = self._offset = 0.0
 
     def time(self, ticks: int, received: float) -> float:
-        """
-        Return when a sample was taken, s on the clock of ``received``.
-
-        Parameters
-        ----------
-        ticks : int, us
-            The board's clock, modulo 2^32.
-        received : float, s
-            When the line came; the result is never later.
-        """
+        """Return when a sample of ``ticks`` (us, modulo 2^32) was taken, s, not after it came."""
         if self._ticks is None:
             self._ticks, self._offset = ticks, received
             return received

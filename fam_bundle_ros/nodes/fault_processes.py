@@ -121,31 +121,22 @@ class _Witness(BundleNode):
             shut))
 
 
-class _Process:
-    """A node in a process of its own."""
+def _start(module: str, parameters: dict[str, Any], namespace: str, log: Path,
+           domain: int | None) -> subprocess.Popen:
+    """Start a node in a process of its own."""
+    specs = import_module(f'fam_bundle_ros.nodes.{module}').SPECS
+    known = {spec.name for spec in (*COMMON, *specs)}
+    parameters = {**{name: value for name, value in _DESKTOP.items() if name in known},
+                  **parameters}
+    with log.open('ab') as output:
+        return subprocess.Popen(
+            node_command(module, parameters, namespace), stdout=output, stderr=output,
+            env=os.environ | ({} if domain is None else {'ROS_DOMAIN_ID': str(domain)}))
 
-    def __init__(self, module: str, parameters: dict[str, Any], namespace: str, log: Path,
-                 domain: int | None):
-        specs = import_module(f'fam_bundle_ros.nodes.{module}').SPECS
-        known = {spec.name for spec in (*COMMON, *specs)}
-        parameters = {**{name: value for name, value in _DESKTOP.items() if name in known},
-                      **parameters}
-        with log.open('ab') as output:
-            self._process = subprocess.Popen(
-                node_command(module, parameters, namespace), stdout=output, stderr=output,
-                env=os.environ | ({} if domain is None else {'ROS_DOMAIN_ID': str(domain)}))
 
-    def signal(self, number: int) -> None:
-        """Send a signal; after SIGKILL, wait for the end of the process."""
-        self._process.send_signal(number)
-        if number == signal.SIGKILL:
-            self._process.wait()
-
-    def end(self) -> None:
-        """Kill the process if it still runs."""
-        if self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
+def _kill(process: subprocess.Popen) -> None:
+    process.kill()
+    process.wait()
 
 
 def run_processes(progress: Callable[[int, int, str], None] = lambda done, every, what: None,
@@ -185,7 +176,7 @@ def run_processes(progress: Callable[[int, int, str], None] = lambda done, every
 
 def _run(name: str, event: str, kill: bool, again: float | None, namespace: str,
          domain: int | None) -> dict[str, Any]:
-    started: dict[str, _Process] = {}
+    started: dict[str, subprocess.Popen] = {}
     with ExitStack() as ending:
         context = ending.enter_context(ros_context(domain))
         scratch = ending.enter_context(tempfile.TemporaryDirectory(prefix='fam_bundle_'))
@@ -196,22 +187,24 @@ def _run(name: str, event: str, kill: bool, again: float | None, namespace: str,
         def start(which: str) -> None:
             module, own = next(item[1:] for item in NODES if item[0] == which)
             more = {'trajectory': trajectory} if which == 'reference_generator' else {}
-            process = _Process(module, {**own, **more}, namespace, log, domain)
-            started[which] = process
-            ending.callback(process.end)
+            started[which] = _start(module, {**own, **more}, namespace, log, domain)
+            ending.callback(_kill, started[which])
         witness = _Witness(context, namespace)
         spinner = ending.enter_context(closing(Spinner(context, [witness])))
         for which, _, _ in NODES:
             start(which)
         _reach(spinner, witness, log)
         struck = time.monotonic()
-        started[name].signal(signal.SIGKILL if kill else signal.SIGSTOP)
+        if kill:
+            _kill(started[name])
+        else:
+            started[name].send_signal(signal.SIGSTOP)
         spinner.spin(again if again is not None else _WATCHED)
         if again is not None:
             if kill:
                 start(name)
             else:
-                started[name].signal(signal.SIGCONT)
+                started[name].send_signal(signal.SIGCONT)
             # A process takes some seconds to start and to be found.
             spinner.spin(_WATCHED + (2.0 if kill else 0.0))
         answer = _enable(spinner, witness, _ANSWERED)

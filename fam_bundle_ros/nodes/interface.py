@@ -219,14 +219,9 @@ def joint_writer(names: Sequence[str], *fields: str) -> Callable[..., JointState
 
 def strain_writer(length: float) -> Callable[[int, float, float], JointState]:
     """
-    Return the writer of strain and contraction as joints, positive when shorter.
+    Return the writer (stamp, strain, rate in 1/s) of the joints strain and contraction.
 
-    It takes the stamp (ns), the strain (1) and its rate (1/s).
-
-    Parameters
-    ----------
-    length : float, m
-        Rest length of the bundle.
+    Positive when shorter; ``length`` is the rest length of the bundle, m.
     """
     joints = joint_writer(('contraction', 'strain'), 'position', 'velocity')
     return lambda stamp, strain, rate: joints(stamp, (strain * length, strain),

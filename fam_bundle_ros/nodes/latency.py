@@ -41,13 +41,7 @@ _PATIENCE = 20.0
 
 
 class Stopwatch:
-    """
-    Times samples from their first message to the last valve command with their stamp.
-
-    Parameters
-    ----------
-    units : int
-    """
+    """Times samples of a rig from the first message to the last valve command of each."""
 
     def __init__(self, units: int):
         self._units = units

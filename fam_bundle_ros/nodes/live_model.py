@@ -33,10 +33,7 @@ class LiveModel:
     """
     A model that follows a rig sample by sample.
 
-    Parameters
-    ----------
-    bundle : Bundle
-        Its sensor effects are removed from the readings and added to the force, as in `predict`.
+    Its sensor effects are removed from the readings and added to the force, as in `predict`.
     """
 
     def __init__(self, bundle: Bundle):

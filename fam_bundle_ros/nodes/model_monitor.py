@@ -51,14 +51,7 @@ _PERIOD = 0.5
 
 
 class ModelMonitor(BundleNode):
-    """
-    The model monitor.
-
-    Parameters
-    ----------
-    **keywords
-        Of `BundleNode`.
-    """
+    """The model monitor; keywords as of `BundleNode`."""
 
     def __init__(self, **keywords: Any):
         super().__init__('model_monitor', SPECS, **keywords)

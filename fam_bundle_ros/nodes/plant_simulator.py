@@ -95,16 +95,9 @@ class Script(Protocol):
 
 class PlantSimulator(BundleNode):
     """
-    The simulated rig.
+    The simulated rig; further keywords as of `BundleNode`.
 
-    Parameters
-    ----------
-    rig : Rig, optional
-        Replaces the rig that the parameters describe.
-    script : Script, optional
-        Hooks of each step.
-    **keywords
-        Of `BundleNode`.
+    ``rig`` replaces the rig that the parameters describe, ``script`` has hooks of each step.
 
     Attributes
     ----------

@@ -62,14 +62,9 @@ _SETTLING = 0.5
 
 class PressurePidNode(BundleNode):
     """
-    The pressure loop of one motor unit.
+    The pressure loop of one motor unit; keywords as of `BundleNode`.
 
-    Parameters
-    ----------
-    unit : int, optional
-        Replaces the parameter ``motor_unit`` and determines the node's name.
-    **keywords
-        Of `BundleNode`.
+    ``unit`` replaces the parameter ``motor_unit`` and determines the node's name.
     """
 
     def __init__(self, unit: int | None = None, *, overrides: dict[str, Any] | None = None,

@@ -37,13 +37,7 @@ class Recorder(BundleNode):
     Subscribes to topics and writes their messages.
 
     Messages with a header are recorded at their own stamp, others at the newest stamp received,
-    so that in lock-step the bag of a run is reproducible.
-
-    Parameters
-    ----------
-    writer : BagWriter
-    **keywords
-        Of `BundleNode`.
+    so that in lock-step the bag of a run is reproducible. Keywords as of `BundleNode`.
     """
 
     def __init__(self, writer: BagWriter, **keywords: Any):

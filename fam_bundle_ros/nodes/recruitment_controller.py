@@ -53,14 +53,7 @@ _REACHED_FORCE, _REACHED_STRAIN = 0.05, 0.02
 
 
 class RecruitmentNode(BundleNode):
-    """
-    The recruitment controller.
-
-    Parameters
-    ----------
-    **keywords
-        Of `BundleNode`.
-    """
+    """The recruitment controller; keywords as of `BundleNode`."""
 
     def __init__(self, **keywords: Any):
         super().__init__('recruitment_controller', SPECS, **keywords)

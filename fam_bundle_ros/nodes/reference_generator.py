@@ -47,14 +47,9 @@ _CLOCK_SET = 1_000_000_000
 
 class ReferenceGenerator(BundleNode):
     """
-    The reference generator.
+    The reference generator; further keywords as of `BundleNode`.
 
-    Parameters
-    ----------
-    profile : Points or Trajectory, optional
-        Replaces the parameter ``trajectory``.
-    **keywords
-        Of `BundleNode`.
+    ``profile`` replaces the parameter ``trajectory``.
     """
 
     def __init__(self, *, profile: 'Points | Trajectory | None' = None, **keywords: Any):
@@ -177,13 +172,7 @@ class ReferenceGenerator(BundleNode):
 
 def trajectory_profile(message: JointTrajectory, length: float) -> Points:
     """
-    Return the trajectory of a message.
-
-    Parameters
-    ----------
-    message : JointTrajectory
-    length : float, m
-        Rest length, for a joint ``contraction``.
+    Return the trajectory of a message; ``length`` (m) for a joint ``contraction``.
 
     Raises
     ------

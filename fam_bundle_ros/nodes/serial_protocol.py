@@ -154,12 +154,7 @@ def command_line(number: int, time: int, supply: bool, stop: bool,
 
 def read_line(line: bytes) -> Hello | BoardSample:
     """
-    Return the content of a line of the board.
-
-    Parameters
-    ----------
-    line : bytes
-        Without its end.
+    Return the content of a line of the board, given without its end.
 
     Raises
     ------

@@ -48,21 +48,7 @@ _HELD_UP = 50e-6
 
 
 class SerialRig(BundleNode):
-    """
-    The driver.
-
-    Parameters
-    ----------
-    context : Context, optional
-    namespace : str
-    overrides : dict, optional
-        As of `BundleNode`.
-
-    Raises
-    ------
-    InputError
-        When a parameter is wrong, or pyserial is missing.
-    """
+    """The driver, as `BundleNode`; InputError if a parameter is wrong or pyserial is missing."""
 
     def __init__(self, *, context: Context | None = None,
                  namespace: str = interface.NAMESPACE, overrides: dict[str, Any] | None = None):
