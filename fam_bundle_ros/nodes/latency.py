@@ -10,6 +10,7 @@ in a process of its own.
 
 from collections.abc import Callable
 import cProfile
+from dataclasses import replace
 import os
 import subprocess
 import sys
@@ -247,5 +248,5 @@ def _bundle(units: int) -> Bundle:
     paper = load_model(config_path('models/spie2021.yaml'))
     first = paper.motor_units[0]
     return paper if units == 2 else Bundle(
-        f'units{units}', [type(first)(f'mu{k + 1}', first.muscles, first.geometry,
-                                      first.max_pressure) for k in range(units)], paper.effects)
+        f'units{units}', [replace(first, name=name) for name in interface.unit_names(units)],
+        paper.effects)

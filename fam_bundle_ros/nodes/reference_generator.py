@@ -135,7 +135,7 @@ class ReferenceGenerator(BundleNode):
             if not self.lock_step and publisher.get_subscription_count() == 0:
                 return
             self.start = stamp
-        t = (stamp - self.start) * 1e-9 - self.p['prepare']
+        t = self.run_time
         if self.p['repeat'] and profile.duration > 0.0 and t > 0.0:
             t %= profile.duration
         value = profile.value(max(t, 0.0))

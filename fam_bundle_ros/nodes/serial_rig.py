@@ -133,7 +133,7 @@ class SerialRig(BundleNode):
                 for sample, taken in self._board.feed(event.data, event.time):
                     self._readings = self._scales.in_si(sample)
                     self._publish(self._readings, taken)
-                    self._judge(sample.stop, sample.air)
+                    self._judge(sample)
             elif event.kind == 'open':
                 self._board.opened()
                 self.get_logger().info(f"{self.p['url']} is open")
@@ -165,14 +165,11 @@ class SerialRig(BundleNode):
                 break
         return now - round(1e9 * (0.5 * (before + after) - steady))
 
-    def _judge(self, button: bool, air: int) -> None:
-        """Stop the rig if the board requires it; log when the board cuts the air itself."""
-        if button:
-            self._stop_for('the stop button is pressed')
-        if air == OVER_PRESSURE:
-            self._stop_for(f'the board has cut the air: {AIR[OVER_PRESSURE]}')
-        if high := self._too_high():
-            self._stop_for(high)
+    def _judge(self, sample: BoardSample) -> None:
+        """Stop the rig if a sample requires it; log when the board cuts the air itself."""
+        if danger := self._danger(sample):
+            self._stop_for(danger)
+        air = sample.air
         text = '' if air in (0, 1) else AIR.get(air, f'its reason {air}')
         if text and text != self._board_air and self._number > 0:
             self._cut(f'by the board: {text}')
@@ -232,13 +229,14 @@ class SerialRig(BundleNode):
         sample = board.newest
         if not board.running or sample is None:
             return board.reason or 'the board has sent no sample yet'
+        return self._danger(sample)
+
+    def _danger(self, sample: BoardSample) -> str:
+        """Return why a sample, or a pressure of the last readings, forbids to run; or empty."""
         if sample.stop:
             return 'the stop button is pressed'
         if sample.air == OVER_PRESSURE:
             return f'the board has cut the air: {AIR[OVER_PRESSURE]}'
-        return self._too_high()
-
-    def _too_high(self) -> str:
         limit = self.p['trip_pressure']
         high = [f'mu{i + 1} is at {value / 1e3:.0f} kPa' for i, value in enumerate(
             self._readings.pressure if self._readings else ()) if value > limit]
@@ -285,14 +283,13 @@ class SerialRig(BundleNode):
     # --- diagnostics ---------------------------------------------------------------------------
 
     def _report(self, report: Report) -> None:
-        board = self._board
-        now = time.monotonic()
+        board, stopped = self._board, self._stop or self._blocked()
         self._sample_meter.report(report, 'sample')
         self._command_meter.report(report, 'valve command')
         report.value('rig', 'serial')
         report.value('url', self.p['url'])
         report.value('board', board.name or board.reason)
-        report.value('e_stop', self._stop or self._blocked() or 'off')
+        report.value('e_stop', stopped or 'off')
         report.value('air', f'shut by serial_rig: {self._why}' if self._why else
                      f'shut by the board: {self._board_air}' if self._board_air else
                      'open' if board.running else f'unknown: {board.reason}')
@@ -308,12 +305,13 @@ class SerialRig(BundleNode):
         report.value('commands refused', self._refused)
         if not board.running:
             report.add(ERROR, f"{self.p['url']}: {board.reason}")
-        if self._stop or self._blocked():
-            report.add(ERROR, f'stopped: {self._stop or self._blocked()}')
+        if stopped:
+            report.add(ERROR, f'stopped: {stopped}')
         if board.deaf:
             report.add(ERROR, board.deaf)
         if self._board_air:
             report.add(WARN, f'the board keeps the air shut: {self._board_air}')
+        now = time.monotonic()
         for i in self._air.stale(now):
             waiting = self._air.age(i, now) is None
             report.add(WARN, f"mu{i + 1}: {'WAITING for' if waiting else 'lost its'} valve "
