@@ -188,11 +188,6 @@ def look_closer(watch: ModelWatch, file: str, before: Candidate | None
         Of the candidate; empty for none.
     before : Candidate, optional
         Result of the last comparison.
-
-    Raises
-    ------
-    InputError
-        When the memory is too short.
     """
     since, present = watch.since, watch.bundle
     data = watch.memory.measurement(since)

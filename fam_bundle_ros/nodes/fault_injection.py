@@ -72,14 +72,7 @@ FAULTS = (
 
 
 def faults_from(values: dict[str, Any], units: int) -> Faults:
-    """
-    Return the faults that the parameters describe.
-
-    Raises
-    ------
-    InputError
-        When a parameter names an unknown motor unit or channel, or a value is out of range.
-    """
+    """Return the faults that the parameters describe; InputError for wrong names or values."""
     channels = channel_names(units)
     index = {name: i for i, name in enumerate(interface.unit_names(units))}
     faults = Faults(noise_factor=values['faults.noise_factor'], supply=values['faults.supply'])

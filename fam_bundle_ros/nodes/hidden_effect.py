@@ -42,10 +42,7 @@ def with_written_effect(bundle: Bundle, text: str) -> Bundle:
     """
     Return a bundle with an additional effect, written as in a model file.
 
-    Raises
-    ------
-    InputError
-        When the text is no effect, or one that the bundle has already.
+    InputError if the text is no effect, or one that the bundle has already.
 
     Examples
     --------

@@ -247,11 +247,8 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
     """
     Return strain and strain rate (1/s; nan where the message gives no velocity).
 
-    Raises
-    ------
-    InputError
-        When there is neither a joint ``strain`` nor a joint ``contraction``, or when the number
-        of positions or velocities is not that of the joints.
+    InputError if there is neither a joint ``strain`` nor a joint ``contraction``, or if the number
+    of positions or velocities is not that of the joints.
     """
     joints, rates = len(message.name), len(message.velocity)
     if len(message.position) != joints or rates not in (0, joints):
@@ -309,14 +306,7 @@ def valve_message(stamp: int, unit: int, command: float) -> JointState:
 
 
 def read_valve(message: JointState, unit: int) -> float:
-    """
-    Return the command for a motor unit's valve, -1..1.
-
-    Raises
-    ------
-    InputError
-        When the message is for another valve, or the command is not a number from -1 to 1.
-    """
+    """Return the command for a motor unit's valve; InputError if for another or not -1 to 1."""
     name = f'mu{unit}_valve'
     if list(message.name) != [name] or len(message.effort) != 1:
         raise InputError(f"a valve command names {', '.join(message.name) or 'nothing'} with "
@@ -350,10 +340,7 @@ def read_pressures(message: JointState, units: int) -> tuple[float, ...]:
     """
     Return the pressure references of mu1 ... mu<n>, Pa (gauge); the joints may have any order.
 
-    Raises
-    ------
-    InputError
-        When not every motor unit has exactly one.
+    InputError if not every motor unit has exactly one.
     """
     names = unit_names(units)
     if sorted(message.name) != sorted(names) or len(message.effort) != units:

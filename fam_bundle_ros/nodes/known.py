@@ -30,14 +30,7 @@ NAMES = frozenset(spec.name for spec in (
 
 
 def refuse_unknown(nodes: Iterable[BundleNode]) -> None:
-    """
-    Refuse parameters that were given to nodes and that no node of the package has.
-
-    Raises
-    ------
-    InputError
-        The message contains the unknown name and the most similar known one.
-    """
+    """Refuse parameters that were given to nodes and that no node of the package has."""
     nodes = list(nodes)
     given = {name for node in nodes for name in node._parameter_overrides}
     for name in sorted(given - NAMES):
@@ -49,14 +42,7 @@ def refuse_unknown(nodes: Iterable[BundleNode]) -> None:
 
 
 def refuse_unheard(nodes: Iterable[BundleNode], files: Sequence[str]) -> None:
-    """
-    Refuse a parameter file of which no section is for one of the nodes.
-
-    Raises
-    ------
-    InputError
-        The message names the file, its sections and the nodes.
-    """
+    """Refuse a parameter file of which no section is for one of the nodes."""
     names = [node.get_fully_qualified_name() for node in nodes]
     for path in files:
         with open(path, encoding='utf-8') as file:

@@ -145,11 +145,6 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
     dict
         ``median``, ``p99``, ``max`` (s), ``answered`` and ``sent`` (1/s), ``cpu`` (of a core,
         this process).
-
-    Raises
-    ------
-    RuntimeError
-        When no sample is answered.
     """
     namespace = f'bench_{os.getpid()}'
     watch = Stopwatch(units)

@@ -201,14 +201,7 @@ def failure_words(bundle: Bundle, data: Measurement) -> str:
 
 
 def error_on(bundle: Bundle, data: Measurement) -> float:
-    """
-    Return the rms error of a model on data, N.
-
-    Raises
-    ------
-    InputError
-        When data and model differ in their motor units.
-    """
+    """Return the rms error of a model on data, N; InputError if their motor units differ."""
     return rms(data.force - predict(bundle, data))
 
 

@@ -110,19 +110,7 @@ class Spec:
 
 
 class Parameters(dict[str, Any]):
-    """
-    The values of a node's parameters, kept up to date.
-
-    Parameters
-    ----------
-    node : Node
-    specs : sequence of Spec
-
-    Raises
-    ------
-    InputError
-        When an override has the wrong type or lies out of range.
-    """
+    """The values of a node's parameters, kept up to date; InputError for a wrong override."""
 
     def __init__(self, node: Node, specs: Sequence[Spec]):
         super().__init__()

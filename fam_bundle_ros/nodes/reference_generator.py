@@ -171,14 +171,7 @@ class ReferenceGenerator(BundleNode):
 
 
 def trajectory_profile(message: JointTrajectory, length: float) -> Points:
-    """
-    Return the trajectory of a message; ``length`` (m) for a joint ``contraction``.
-
-    Raises
-    ------
-    InputError
-        When the joint is not force, strain or contraction, or the points are invalid.
-    """
+    """Return the trajectory of a message; the rest length (m) is for a joint ``contraction``."""
     names = list(message.joint_names)
     if len(names) != 1 or names[0] not in ('force', 'strain', 'contraction'):
         raise InputError(f"trajectory of the joints {', '.join(names) or 'none'}; expected one "

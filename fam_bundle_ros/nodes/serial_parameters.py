@@ -43,20 +43,7 @@ def scale_specs(units: int) -> tuple[Spec, ...]:
 
 
 class Scales:
-    """
-    Converts a board's numbers to SI units: ``scale * number + offset``.
-
-    Parameters
-    ----------
-    values : dict
-        The parameters.
-    units : int
-
-    Raises
-    ------
-    InputError
-        When a scale is 0 or not finite.
-    """
+    """Converts a board's numbers to SI units: ``scale * number + offset`` of the parameters."""
 
     def __init__(self, values: dict[str, Any], units: int):
         names = [*_CHANNELS, *(f'mu{i + 1}' for i in range(units))]

@@ -153,14 +153,7 @@ def command_line(number: int, time: int, supply: bool, stop: bool,
 
 
 def read_line(line: bytes) -> Hello | BoardSample:
-    """
-    Return the content of a line of the board, given without its end.
-
-    Raises
-    ------
-    GarbledLineError
-        When it is not exactly a line of the protocol.
-    """
+    """Return the content of a line without its end; GarbledLineError if it is not quite one."""
     body, star, crc = line.rpartition(b'*')
     if not star:
         raise GarbledLineError('it has no checksum')
