@@ -57,6 +57,8 @@ LATENCY = (
 )
 MODEL = Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships')
 
+#: Period of repeated warnings in the log, s; diagnostics have them every second.
+REMIND = 60.0
 _NUMBER = re.compile(r'[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)')
 
 

@@ -49,6 +49,7 @@ _QUIET = 0.5
 _SILENT = 2.0
 #: Period of the progress reports, s.
 _SLICE = 0.2
+_CUT = 'the controller has cut the supply'
 #: Parameters of a simulated rig: it runs at once and as fast as possible.
 _SIMULATED = {'lock_step': True, 'wait_for_reference': True, 'publish_clock': True,
               'start_enabled': True, 'start_stopped': False, 'generate': False, 'monitor': False}
@@ -133,12 +134,11 @@ class Measuring(BundleNode):
         self._send(sample.stamp)
 
     def _send(self, stamp: int) -> None:
-        asked = self._asked
-        vented = [0.0] * len(self._setpoint)
-        if asked is not None and asked.strain is not None and not self.stopped:
+        asked = None if self.stopped else self._asked
+        if asked is not None and asked.strain is not None:
             # Strain first: in lock-step the rig makes its step once the pressures are answered.
             self._ask_strain(stamp, asked.strain, asked.rate)
-        self._ask_pressures(stamp, vented if self.stopped or asked is None else asked.pressure)
+        self._ask_pressures(stamp, asked.pressure if asked else [0.0] * len(self._setpoint))
 
     def _on_supply(self, message: Bool) -> None:
         if self.started and self._open and not message.data and not self._run.done:
@@ -163,9 +163,6 @@ class Measuring(BundleNode):
     def stop(self) -> None:
         """Set the pressure references to zero."""
         self._ask_pressures(max(self._last, 0), [0.0] * len(self._setpoint))
-
-
-_CUT = 'the controller has cut the supply'
 
 
 def measure(protocol: Protocol, out: str | Path, model: Bundle, *,

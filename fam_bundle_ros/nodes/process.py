@@ -82,11 +82,6 @@ class Spinner:
         # in lock-step.
         self.nodes[0].every(0.5 * SLICE, self._check)
 
-    def add(self, node: BundleNode) -> None:
-        """Add a node, to be stopped last."""
-        self.nodes.append(node)
-        self.executor.add_node(node)
-
     def spin(self, seconds: float = SLICE) -> None:
         """Process events for some time (s), or until `interrupt`."""
         self._slice = Future(executor=self.executor)

@@ -27,7 +27,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.adaptation import Adaptation
-from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.base import BundleNode, REMIND
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Report, WARN
 from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
@@ -44,8 +44,6 @@ _LONGEST = 0.1
 #: A stamp that goes back by more than this means that the clock was set; by less, that the clocks
 #: of two channels differ, s.
 _CLOCK_SET = 0.5
-#: Period of repeated warnings in the log, s; diagnostics have them every second.
-_REMIND = 60.0
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
 #: Errors of force (share of the blocked force) and strain up to which a reference is reached.
@@ -392,17 +390,18 @@ class RecruitmentNode(BundleNode):
                 report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
                            f'({command.saturated})')
         if self._off_target.text:
-            report.add(WARN, self._off_target.text)
-            self.say('off target', self._off_target.text, _REMIND)
+            self._warn(report, 'off target', self._off_target.text)
         for text in self._oversight.force_contradiction():
             # A gauge that drifts slowly, or the model: no reason to stop, but to look.
-            report.add(WARN, text)
-            self.say('force', text, _REMIND)
+            self._warn(report, 'force', text)
         self._references.report(report)
         for text in crowded(self, (*self._oversight.topics, interface.REFERENCE_FORCE,
                                    interface.REFERENCE_STRAIN, interface.REFERENCE_PRESSURES)):
-            report.add(WARN, text)
-            self.say(text, text, _REMIND)
+            self._warn(report, text, text)
+
+    def _warn(self, report: Report, key: str, text: str) -> None:
+        report.add(WARN, text)
+        self.say(key, text, REMIND)
 
 
 main = executable(RecruitmentNode, __doc__, SPECS)

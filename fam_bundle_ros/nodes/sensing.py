@@ -21,14 +21,12 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.base import BundleNode, REMIND
 from fam_bundle_ros.nodes.diagnostics import Meter, Report
 from fam_bundle_ros.nodes.gate import Gate
 
 #: Cut-off of the low-pass for the differentiated strain, Hz.
 _RATE_CUTOFF = 20.0
-#: Period of repeated warnings in the log, s; diagnostics have them every second.
-_REMIND = 60.0
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ class Sensing:
         rate = 0.0 if self._node.lock_step else self._node.p['rate']
         for name, meter in self.meters.items():
             if slow := meter.report(report, name, rate):
-                self._node.say(f'{name} rate', slow, _REMIND)
+                self._node.say(f'{name} rate', slow, REMIND)
 
     # --- messages ------------------------------------------------------------------------------
 

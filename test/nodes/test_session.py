@@ -244,7 +244,9 @@ def test_one_process_gives_what_six_give(domain_id):
                 break
         missing = [t for t in Hasher.TOPICS if not hasher.count_publishers(t)]
         # Nothing moves without a reference: this begins the run.
-        spinner.add(ReferenceGenerator(context=context, profile=profile, overrides=parameters))
+        generator = ReferenceGenerator(context=context, profile=profile, overrides=parameters)
+        spinner.nodes.append(generator)
+        spinner.executor.add_node(generator)
         for _ in range(300):
             spinner.spin(0.1)
             if hasher.done():
