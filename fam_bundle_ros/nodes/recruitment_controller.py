@@ -99,9 +99,8 @@ class RecruitmentNode(BundleNode):
                                     max(TIMEOUT, self.p['sensor_timeout']),
                                     lambda: self._oversight.contradicted())
         self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
-        extra = ('reference',) if self.p['wait_for_reference'] else ()
-        self._sensing = Sensing(self, n, self.bundle.length, self._on_sample, extra,
-                                self._oversight.look_at_pressure)
+        self._sensing = Sensing(self, n, self.bundle.length, self._on_sample,
+                                self.p['wait_for_reference'], self._oversight.look_at_pressure)
         self._references = ReferenceIntake(self, self.bundle, self._take_reference)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self._adaptation = Adaptation(self, lambda: self.controller)
@@ -141,8 +140,8 @@ class RecruitmentNode(BundleNode):
         if not self.lock_step or sample.stamp != self._answered:
             self._answered = sample.stamp
             # Without a reference (lost message) the last one is kept.
-            if reference := sample.extra.get('reference'):
-                self._reference.take(reference, self._now())
+            if sample.reference is not None:
+                self._reference.take(sample.reference, self._now())
             self._decide(sample, dt)
         else:
             self._supply.repeat()

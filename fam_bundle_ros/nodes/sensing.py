@@ -9,7 +9,7 @@ available values. A sample is processed after all messages that are already queu
 pressure loops in the same process answer first.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 import math
@@ -40,8 +40,8 @@ class Sample:
     force : float, N
     strain, rate : float, 1 and 1/s
     pressure : list of float, Pa (gauge)
-    extra : dict
-        Values of further channels (lock-step only).
+    reference : object
+        Value of the channel ``reference``, where a sample waits for it.
     silent : bool
         Whether it has no new value: time has passed without messages.
     """
@@ -51,7 +51,7 @@ class Sample:
     strain: float
     rate: float
     pressure: list[float]
-    extra: dict[str, Any]
+    reference: Any = None
     silent: bool = False
 
 
@@ -90,8 +90,8 @@ class Sensing:
         Rest length of the bundle.
     on_sample : callable
         Called with each complete `Sample`.
-    extra : sequence of str
-        Further channels for which a sample waits in lock-step; their values come by `put`.
+    with_reference : bool
+        Whether samples in lock-step wait for the channel ``reference`` too; it comes by `put`.
     on_pressure : callable, optional
         In wall time, called at once with motor unit (from 0) and gauge pressure of each message,
         for checks that must not wait for the other channels.
@@ -103,14 +103,14 @@ class Sensing:
     """
 
     def __init__(self, node: BundleNode, units: int, length: float,
-                 on_sample: Callable[[Sample], None], extra: Sequence[str] = (),
+                 on_sample: Callable[[Sample], None], with_reference: bool = False,
                  on_pressure: Callable[[int, float], None] | None = None):
         self._node = node
         self._on_pressure = None if node.lock_step else on_pressure
         self._pressures = interface.unit_names(units)
         self._length = length
         self._on_sample = on_sample
-        self._extra = tuple(extra) if node.lock_step else ()
+        self._with_reference = with_reference and node.lock_step
         sensors = ['force', 'strain', *self._pressures]
         #: Rate and age of each channel.
         self.meters = {name: Meter() for name in sensors}
@@ -118,7 +118,7 @@ class Sensing:
         self._latest: dict[str, Any] = {}
         #: Channels with a new value, and its stamp, ns.
         self._fresh: dict[str, int] = {}
-        self._gate = Gate([*sensors, *self._extra])
+        self._gate = Gate([*sensors, *(['reference'] if self._with_reference else [])])
         self._rate = StrainRate()
         self._last_sample = time.monotonic()
         self._stamp = -1
@@ -234,4 +234,4 @@ class Sensing:
         self._on_sample(Sample(
             self._stamp, value('force', math.nan), strain, rate,
             [value(name, math.nan) for name in self._pressures],
-            {name: value(name, None) for name in self._extra}, silent))
+            value('reference', None) if self._with_reference else None, silent))

@@ -145,7 +145,7 @@ def test_a_sample_that_comes_twice_is_answered_twice_and_kept_once(ros_context, 
     node.started = True
     node._ask_pressures = lambda stamp, pressure: sent.append(stamp)
     for stamp in (5, 5, 10):
-        node._on_sample(Sample(stamp * 10**6, 1.0, 0.05, 0.0, [0.0, 0.0], {}))
+        node._on_sample(Sample(stamp * 10**6, 1.0, 0.05, 0.0, [0.0, 0.0]))
     node.destroy_node()
     assert [seen.time for seen in steps] == pytest.approx([3.0, 3.005])
     assert [stamp // 10**6 for stamp in sent] == [5, 5, 10]
