@@ -261,14 +261,13 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
 def _init(context: Context, argv: Sequence[str]) -> None:
     try:
         rest = remove_ros_args(list(argv))[1:]
-        if rest:
-            raise InputError(f"unknown argument '{rest[0]}'; parameters are given as "
-                             '--ros-args -p name:=value (see --help)')
-        rclpy.init(args=list(argv), context=context,
-                   signal_handler_options=SignalHandlerOptions.NO)
-    except InputError:
-        raise
+        if not rest:
+            rclpy.init(args=list(argv), context=context,
+                       signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, ValueError) as error:
         # RCLError is a RuntimeError whose reason is followed by places in C source files.
         reason = str(error).split(', at /')[0].partition(': ')
         raise InputError(' '.join((reason[2] or reason[0]).split())) from None
+    if rest:
+        raise InputError(f"unknown argument '{rest[0]}'; parameters are given as "
+                         '--ros-args -p name:=value (see --help)')

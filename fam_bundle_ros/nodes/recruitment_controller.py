@@ -95,10 +95,10 @@ class RecruitmentNode(BundleNode):
         self._send_recruitment = self.sender(interface.RECRUITMENT, JointState,
                                              interface.recruitment_writer(n))
         self._announce_state(0)
-        self._supply = SupplyEnable(self, lambda silence: self._oversight.stood_still(silence),
-                                    max(TIMEOUT, self.p['sensor_timeout']),
-                                    lambda: self._oversight.contradicted())
         self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
+        self._supply = SupplyEnable(self, self._oversight.stood_still,
+                                    max(TIMEOUT, self.p['sensor_timeout']),
+                                    self._oversight.contradicted)
         self._sensing = Sensing(self, n, self.bundle.length, self._on_sample,
                                 self.p['wait_for_reference'], self._oversight.look_at_pressure)
         self._references = ReferenceIntake(self, self.bundle, self._take_reference)
@@ -347,7 +347,6 @@ class RecruitmentNode(BundleNode):
             return
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
-        self._limit = self.bundle.max_pressure.tolist()
         self._oversight.set_model(self.bundle)
         before = self.controller
         self.controller = RecruitmentController(self.bundle, controller_config(self.p))
