@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='rclpy is not installed')
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure
@@ -71,6 +72,15 @@ class Graph:
         messages = []
         self.probe.create_subscription(kind, topic, messages.append, qos)
         return messages
+
+    def diagnostics(self, node):
+        """Return the list into which the states of a node on /diagnostics go."""
+        states = []
+
+        def take(message):
+            states.extend(each for each in message.status if each.name == f'bundle/{node}')
+        self.probe.create_subscription(DiagnosticArray, '/diagnostics', take, interface.LOCK_STEP)
+        return states
 
     def spin(self, seconds=0.02):
         if self.spinner is None:

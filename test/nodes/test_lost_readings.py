@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings that are lost or not believed: held, vented, and what brings pressure back."""
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
@@ -43,7 +42,7 @@ def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason
 def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_within, lost):
     """Sensors that come back when nobody expects it any more bring no pressure with them."""
     rig, node = bundle(hold(60.0), resume_within=resume_within)
-    seen = graph.listen('/diagnostics', DiagnosticArray)
+    states = graph.diagnostics('recruitment_controller')
     graph.advance(rig, 0.6)
     graph.set('plant_simulator', faults__silent='force')
     graph.advance(rig, lost)
@@ -52,12 +51,9 @@ def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_withi
     graph.advance(rig, 0.7)
     assert rig.rig.truth.pressure.max() < 5e3
     assert node._guard.word == 'LOST'
-
-    def status():
-        return [m.status[0] for m in seen if m.status[0].name == 'bundle/recruitment_controller']
     text = f'vented for {resume_within:g} s in all: off until enabled again'
-    graph.until(lambda: text in status()[-1].message, 'diagnostics')
-    assert status()[-1].level == b'\x02'
+    graph.until(lambda: text in states[-1].message, 'diagnostics')
+    assert states[-1].level == b'\x02'
     assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
