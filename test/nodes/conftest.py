@@ -15,6 +15,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
 from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
@@ -124,6 +125,10 @@ class Graph:
         self.until(future.done, f'the answer of {name}')
         self.probe.destroy_client(client)
         return future.result()
+
+    def enable(self, on=True):
+        """Call the service `enable` and return the answer."""
+        return self.call(SetBool, 'enable', SetBool.Request(data=on))
 
     def set(self, node, **values):
         """Set parameters of a node by service; return the results."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes import interface
@@ -128,10 +128,10 @@ def test_a_model_applied_while_it_is_off_is_used_from_the_pressures_as_they_are(
     offer(graph, node, better)
     assert graph.call(Trigger, 'apply_model').success
     # before its next tick: what is to fade is that of a controller that was on
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=False)).success
+    assert graph.enable(False).success
     graph.advance(rig, 2.0)
     assert max(node.setpoints) == 0.0
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert graph.enable().success
     seen = graph.listen('mu1/pressure_setpoint', FluidPressure)
     graph.advance(rig, lambda: seen and node.command is not None, 'the first command')
     assert seen[-1].fluid_pressure - 101325.0 < 5e4
