@@ -20,23 +20,14 @@ _PERIOD = 1.0
 
 
 class Adaptation:
-    """
-    Publishes and saves what online adaptation of the recruitment controller has learnt.
-
-    Parameters
-    ----------
-    node : BundleNode
-    controller : callable
-        Returns the present controller.
-    """
+    """Publishes and saves what the controller that ``controller`` returns has learnt."""
 
     def __init__(self, node: Any, controller: Callable[[], RecruitmentController]):
         self._node, self._controller = node, controller
-        self._publisher = node.publisher(interface.ADAPTATION, String, interface.LATCHED)
-        self._said = ''
+        announce = node.announcer(interface.ADAPTATION, String, interface.text_message)
         node.trigger(interface.ADAPTATION_RESET, self._reset)
         node.trigger(interface.ADAPTATION_SAVE, self._save)
-        node.every(_PERIOD, self._publish)
+        node.every(_PERIOD, lambda: announce(self.words()))
 
     def words(self) -> str:
         """Return what was learnt, as text."""
@@ -52,12 +43,6 @@ class Adaptation:
         doubt = wrong_model(controller.settings.adaptation, controller.memory.adaptation)
         if doubt:
             report.add(WARN, doubt)
-
-    def _publish(self) -> None:
-        words = self.words()
-        if words != self._said:
-            self._said = words
-            self._publisher.publish(String(data=words))
 
     def _reset(self) -> str:
         controller, before = self._controller(), self.words()

@@ -109,15 +109,7 @@ class Air:
         return tuple(unit for unit in range(len(self._commands)) if not self._fresh(unit, now))
 
     def order(self, now: float, stopped: str = '') -> Order:
-        """
-        Return the commands for supply and valves.
-
-        Parameters
-        ----------
-        now : float, s
-        stopped : str
-            Any other reason why the rig is stopped; empty when it is not.
-        """
+        """Return the commands; ``stopped`` is any other reason why the rig is stopped."""
         why = stopped or self._shut(now)
         if why:
             return Order(False, (VENT,) * len(self._commands), None, why)

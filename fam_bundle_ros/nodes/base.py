@@ -44,6 +44,7 @@ COMMON = (
 LISTENER = (
     Spec('pressure_is_gauge', False, 'the rig sends gauge pressure, although FluidPressure is '
          'absolute by definition'),
+    Spec('rate', 200.0, 'samples per second that the rig is expected to send', 1.0, 2000.0),
 )
 #: Hint for a pressure that, as an absolute one, would be far below a vacuum.
 GAUGE = 'does the driver send gauge pressure (then pressure_is_gauge) or another unit than Pa?'
@@ -54,12 +55,10 @@ LATENCY = (
     Spec('max_latency', -1.0, 'largest age of a reading on arrival, s; -1: three sample periods '
          'of `rate`', -1.0, 60.0),
 )
-MODEL = (
-    Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships',
-         dynamic=True),
-)
+MODEL = Spec('model', 'models/spie2021.yaml', 'model file: a path, or the name of one that ships')
 
-
+#: Period of repeated warnings in the log, s; diagnostics have them every second.
+REMIND = 60.0
 _NUMBER = re.compile(r'[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)')
 
 
@@ -127,10 +126,23 @@ class BundleNode(Node):
             self._streams.append(publisher)
         return publisher
 
-    def sender(self, topic: str, kind: Any, write: Callable[..., Any]) -> Callable[..., None]:
+    def sender(self, topic: str, kind: Any, write: Callable[..., Any],
+               qos: QoSProfile = interface.PUBLISH) -> Callable[..., None]:
         """Return a function that publishes the message that ``write`` makes of its arguments."""
-        publish = self.publisher(topic, kind).publish
+        publish = self.publisher(topic, kind, qos).publish
         return lambda *values: publish(write(*values))
+
+    def announcer(self, topic: str, kind: Any, write: Callable[[Any], Any]
+                  ) -> Callable[[Any], None]:
+        """Return a function that publishes a value, latched, if it is not the one before."""
+        send, last = self.sender(topic, kind, write, interface.LATCHED), None
+
+        def announce(value: Any) -> None:
+            nonlocal last
+            if value != last:
+                last = value
+                send(value)
+        return announce
 
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], Any],
                   qos: QoSProfile | None = None) -> Subscription:

@@ -30,7 +30,7 @@ from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.resources import config_path
 
 SPECS = (
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
+    MODEL,
     Spec('simulate', True, 'start plant_simulator; false on a rig'),
     Spec('generate', True, 'start reference_generator'),
     Spec('monitor', True, 'start model_monitor'),

@@ -78,7 +78,8 @@ class Diagnosing:
         self._file = self._failure = ''
         self._thread = ThreadPoolExecutor(1, 'model_monitor')
         self._look: Future[tuple[str, Candidate | None]] | None = None
-        self._publisher = node.publisher(interface.MODEL_DIAGNOSIS, String, interface.LATCHED)
+        self._send = node.sender(interface.MODEL_DIAGNOSIS, String, interface.text_message,
+                                 interface.LATCHED)
         node.trigger(interface.DIAGNOSE, self._diagnose)
         node.every(_POLL, self._poll)
         node.every(_LOOK, self.look_closer)
@@ -155,7 +156,7 @@ class Diagnosing:
             return
         self._node.get_logger().info(f'diagnosis: {done.file}')
         self._file, self._candidate = done.model_file, None
-        self._publisher.publish(String(data=done.text))
+        self._send(done.text)
         self.look_closer()
 
     # --- the thread ----------------------------------------------------------------------------
@@ -187,11 +188,6 @@ def look_closer(watch: ModelWatch, file: str, before: Candidate | None
         Of the candidate; empty for none.
     before : Candidate, optional
         Result of the last comparison.
-
-    Raises
-    ------
-    InputError
-        When the memory is too short.
     """
     since, present = watch.since, watch.bundle
     data = watch.memory.measurement(since)

@@ -22,12 +22,7 @@ class ImposedStrain:
     """
     Moves the dynamometer to the strain of the last message, then at its rate until the next.
 
-    Parameters
-    ----------
-    node : BundleNode
-        The simulator, with its parameter ``load.speed``.
-    rig : Rig
-        Messages are refused while its load is not a dynamometer.
+    ``node`` is the simulator; messages are refused while the load of its rig is no dynamometer.
     """
 
     def __init__(self, node: BundleNode, rig: Rig):

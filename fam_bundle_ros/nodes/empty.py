@@ -7,7 +7,7 @@ They show the limit of rclpy and the middleware: `fam_bundle bench` measures the
 bundle's own nodes in the same graph. Messages are made once; only their stamp is rewritten.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 import sys
 from typing import Any
 
@@ -139,11 +139,6 @@ def _count(units: int) -> range:
     return range(1, units + 1)
 
 
-def _rig_topics(units: int) -> dict[str, Any]:
-    return {interface.FORCE: WrenchStamped, interface.STRAIN: JointState,
-            **{interface.pressure_topic(k): FluidPressure for k in _count(units)}}
-
-
 def empty_node(role: str, units: int, lock_step: bool, context: Context,
                namespace: str) -> Relay:
     """
@@ -155,33 +150,33 @@ def empty_node(role: str, units: int, lock_step: bool, context: Context,
         ``recruitment_controller``, ``model_monitor``, ``reference_generator`` or
         ``pressure_pid_mu1``, ``pressure_pid_mu2``, ...
     """
-    stop = {interface.E_STOP: Bool}
-    reference = {interface.REFERENCE_FORCE: WrenchStamped}
-    samples = _rig_topics(units)
+    awaited: dict[str, Any] = {
+        interface.FORCE: WrenchStamped, interface.STRAIN: JointState,
+        **{interface.pressure_topic(k): FluidPressure for k in _count(units)}}
+    heard: dict[str, Any] = {}
+    #: Awaited in lock-step, else heard.
+    others: dict[str, Any] = {}
     if role == 'recruitment_controller':
-        awaited = {**samples, **(reference if lock_step else {})}
-        heard = {interface.REFERENCE_STRAIN: JointState, **stop,
-                 **({} if lock_step else reference)}
+        heard = {interface.REFERENCE_STRAIN: JointState, interface.E_STOP: Bool}
+        others = {interface.REFERENCE_FORCE: WrenchStamped}
         outputs: dict[str, Any] = {
             interface.setpoint_topic(k): interface.pressure_message(0, SETPOINT, _AMBIENT)
             for k in _count(units)}
         outputs[interface.RECRUITMENT] = interface.recruitment_writer(units)(
             0, [True] * units, [1.0 / units] * units)
     elif role == 'model_monitor':
-        awaited, heard = samples, {}
         outputs = {interface.MODEL_FORCE: interface.force_message(0, 50.0),
                    interface.MODEL_RESIDUAL: interface.force_message(0, 0.0)}
     elif role == 'reference_generator':
-        awaited = {interface.FORCE: WrenchStamped}
-        heard = {interface.STRAIN: JointState}
+        awaited, heard = {interface.FORCE: WrenchStamped}, {interface.STRAIN: JointState}
         outputs = {interface.REFERENCE_FORCE: interface.force_message(0, 50.0)}
     else:
         unit = int(role.removeprefix('pressure_pid_mu'))
+        awaited, heard = {interface.pressure_topic(unit): FluidPressure}, {interface.E_STOP: Bool}
         others = {interface.setpoint_topic(unit): FluidPressure,
                   interface.STRAIN: JointState, interface.SUPPLY: FluidPressure}
-        awaited = {interface.pressure_topic(unit): FluidPressure, **(others if lock_step else {})}
-        heard = {**stop, **({} if lock_step else others)}
         outputs = {interface.valve_topic(unit): interface.valve_message(0, unit, 0.1)}
+    (awaited if lock_step else heard).update(others)
     return Relay(f'empty_{role}', awaited, heard, outputs, interface.stream_qos(lock_step), 0.0,
                  context, namespace)
 
@@ -192,25 +187,17 @@ def roles(units: int) -> list[str]:
             'model_monitor', 'reference_generator']
 
 
-def spin(context: Context, nodes: Iterable[Node], done: Callable[[], bool]) -> None:
-    """Run nodes in an EventsExecutor until ``done``, which is asked ten times a second."""
+def main() -> None:
+    """Run one empty node, ROLE UNITS LOCK_STEP NAMESPACE, until it is killed."""
+    role, units, lock_step, namespace = sys.argv[1:]
+    context = Context()
+    rclpy.init(context=context)
     executor = EventsExecutor(context=context)
-    for node in nodes:
-        executor.add_node(node)
+    executor.add_node(empty_node(role, int(units), lock_step == 'True', context, namespace))
     never: Future = Future(executor=executor)
-    while context.ok() and not done():
+    while context.ok():
         executor.spin_until_future_complete(never, timeout_sec=0.1)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run one empty node, ROLE UNITS LOCK_STEP NAMESPACE, until it is killed."""
-    role, units, lock_step, namespace = (sys.argv[1:] if args is None else args)
-    context = Context()
-    rclpy.init(context=context)
-    node = empty_node(role, int(units), lock_step == 'True', context, namespace)
-    spin(context, [node], lambda: False)
-    return 0
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    main()

@@ -30,24 +30,23 @@ from fam_bundle_ros.plant.sensors import channel_names
 
 _CHANNELS = ('channels: force, strain, supply, mu1/pressure, ...; all for every one; several '
              'with commas')
-#: Field of `Faults`, parameter, meaning, example ('' where the parameter lists names only).
+#: Parameter, meaning, example ('' where the parameter lists names only).
 _OF_CHANNELS = (
-    ('dropout', 'nan', f'show nan, {_CHANNELS}', ''),
-    ('frozen', 'frozen', 'repeat their last reading', ''),
-    ('plugged', 'plugged', 'show their last reading with its noise, as behind a plugged port', ''),
-    ('range_end', 'range_end', "highest reading, the end of the sensor's range",
-     'mu1/pressure=340e3'),
-    ('gain', 'gain', 'factor on a reading', 'force=0.5'),
-    ('offset', 'offset', 'added to a reading, in its unit', 'mu1/pressure=-50e3'),
-    ('drift', 'drift', 'added to a reading per second', 'mu1/pressure=-20e3'),
-    ('spike', 'spike', 'added to one reading in 0.1 s', 'mu1/pressure=-2e5'),
-    ('delay', 'delay', 'delay of a reading, s, which has the present stamp', 'force=0.1'),
-    ('exchanged', 'exchanged', 'two channels exchanged', 'mu1/pressure=mu2/pressure'),
-    ('units', 'units', 'unit in which a reading is sent: '
+    ('nan', f'show nan, {_CHANNELS}', ''),
+    ('frozen', 'repeat their last reading', ''),
+    ('plugged', 'show their last reading with its noise, as behind a plugged port', ''),
+    ('range_end', "highest reading, the end of the sensor's range", 'mu1/pressure=340e3'),
+    ('gain', 'factor on a reading', 'force=0.5'),
+    ('offset', 'added to a reading, in its unit', 'mu1/pressure=-50e3'),
+    ('drift', 'added to a reading per second', 'mu1/pressure=-20e3'),
+    ('spike', 'added to one reading in 0.1 s', 'mu1/pressure=-2e5'),
+    ('delay', 'delay of a reading, s, which has the present stamp', 'force=0.1'),
+    ('exchanged', 'two channels exchanged', 'mu1/pressure=mu2/pressure'),
+    ('units', 'unit in which a reading is sent: '
      + ', '.join(unit for units in UNITS.values() for unit in units), 'mu1/pressure=psi'),
-    ('silent', 'silent', 'nothing is sent', ''),
-    ('late', 'late', 'delay of a message, s, which keeps the stamp of its reading', 'all=0.3'),
-    ('lost', 'lost', 'share of the messages that is lost', 'force=0.5'),
+    ('silent', 'nothing is sent', ''),
+    ('late', 'delay of a message, s, which keeps the stamp of its reading', 'all=0.3'),
+    ('lost', 'share of the messages that is lost', 'force=0.5'),
 )
 _OF_UNITS = (
     ('stuck_valve', 'valves stuck at their present opening or at a given one', 'mu1=0.3'),
@@ -57,16 +56,13 @@ _OF_UNITS = (
     ('leak', 'leaks with their time constant in s', 'mu2=0.5'),
     ('burst', 'motor units with a torn muscle', ''),
 )
-
-
-def _text(meaning: str, example: str) -> str:
-    return f'{meaning}: {example}' if example else meaning
-
+#: Field of `Faults`, where the parameter has another name.
+_FIELDS = {'nan': 'dropout'}
 
 FAULTS = (
-    *(Spec(f'faults.{name}', '', _text(meaning, example), dynamic=True)
-      for _, name, meaning, example in _OF_CHANNELS),
-    *(Spec(f'faults.{name}', '', _text(meaning, example or 'mu1'), dynamic=True)
+    *(Spec(f'faults.{name}', '', f'{meaning}: {example}' if example else meaning, dynamic=True)
+      for name, meaning, example in _OF_CHANNELS),
+    *(Spec(f'faults.{name}', '', f"{meaning}: {example or 'mu1'}", dynamic=True)
       for name, meaning, example in _OF_UNITS),
     Spec('faults.noise_factor', 1.0, 'factor on the noise of all instruments', 0.0, 1e3,
          dynamic=True),
@@ -76,36 +72,25 @@ FAULTS = (
 
 
 def faults_from(values: dict[str, Any], units: int) -> Faults:
-    """
-    Return the faults that the parameters describe.
-
-    Raises
-    ------
-    InputError
-        When a parameter names an unknown motor unit or channel, or a value is out of range.
-    """
+    """Return the faults that the parameters describe; InputError for wrong names or values."""
     channels = channel_names(units)
-    unit_names = {f'mu{i + 1}': i for i in range(units)}
+    index = {name: i for i, name in enumerate(interface.unit_names(units))}
     faults = Faults(noise_factor=values['faults.noise_factor'], supply=values['faults.supply'])
-    for field, name, _, example in _OF_CHANNELS:
-        full = f'faults.{name}'
-        found: dict[str, Any] = {}
-        for channel, value in _pairs(full, values[full], (*channels, 'all'), example):
-            found |= dict.fromkeys(channels if channel == 'all' else (channel,), value)
-        setattr(faults, field, found if example else set(found))
-    for name, _, example in _OF_UNITS:
-        full = f'faults.{name}'
-        pairs = _pairs(full, values[full], tuple(unit_names), example, name == 'stuck_valve')
-        found_units = {unit_names[unit]: unit_names.get(value, value) for unit, value in pairs}
-        setattr(faults, name, found_units if example else set(found_units))
+    for table, known in ((_OF_CHANNELS, (*channels, 'all')), (_OF_UNITS, tuple(index))):
+        for name, _, example in table:
+            found: dict[str | int, Any] = {}
+            for item, value in _pairs(f'faults.{name}', values[f'faults.{name}'], known, example):
+                for each in channels if item == 'all' else (item,):
+                    found[index.get(each, each)] = index.get(value, value)
+            setattr(faults, _FIELDS.get(name, name), found if example else set(found))
     with about('faults.*'):
         check_faults(faults, units)
     return faults
 
 
-def _pairs(name: str, text: str, known: Sequence[str], example: str, bare: bool = False
-           ) -> list[tuple[str, Any]]:
+def _pairs(name: str, text: str, known: Sequence[str], example: str) -> list[tuple[str, Any]]:
     """Return the names in a parameter with their values; None for a name without a value."""
+    bare = name == 'faults.stuck_valve'
     found: list[tuple[str, Any]] = []
     for item in filter(None, (part.strip() for part in text.split(','))):
         what, equals, value = (part.strip() for part in item.partition('='))

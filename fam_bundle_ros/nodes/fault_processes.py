@@ -8,7 +8,7 @@ verdict uses what a rig sees: valve commands, `supply_enable`, pressures (of hea
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, ExitStack
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -30,7 +30,7 @@ from std_srvs.srv import SetBool
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, COMMON
-from fam_bundle_ros.nodes.process import node_command, Spinner
+from fam_bundle_ros.nodes.process import node_command, ros_context, Spinner
 from fam_bundle_ros.plant import ChamberConfig
 
 UNITS = 2
@@ -121,31 +121,22 @@ class _Witness(BundleNode):
             shut))
 
 
-class _Process:
-    """A node in a process of its own."""
+def _start(module: str, parameters: dict[str, Any], namespace: str, log: Path,
+           domain: int | None) -> subprocess.Popen:
+    """Start a node in a process of its own."""
+    specs = import_module(f'fam_bundle_ros.nodes.{module}').SPECS
+    known = {spec.name for spec in (*COMMON, *specs)}
+    parameters = {**{name: value for name, value in _DESKTOP.items() if name in known},
+                  **parameters}
+    with log.open('ab') as output:
+        return subprocess.Popen(
+            node_command(module, parameters, namespace), stdout=output, stderr=output,
+            env=os.environ | ({} if domain is None else {'ROS_DOMAIN_ID': str(domain)}))
 
-    def __init__(self, module: str, parameters: dict[str, Any], namespace: str, log: Path,
-                 domain: int | None):
-        specs = import_module(f'fam_bundle_ros.nodes.{module}').SPECS
-        known = {spec.name for spec in (*COMMON, *specs)}
-        parameters = {**{name: value for name, value in _DESKTOP.items() if name in known},
-                      **parameters}
-        with log.open('ab') as output:
-            self._process = subprocess.Popen(
-                node_command(module, parameters, namespace), stdout=output, stderr=output,
-                env=os.environ | ({} if domain is None else {'ROS_DOMAIN_ID': str(domain)}))
 
-    def signal(self, number: int) -> None:
-        """Send a signal; after SIGKILL, wait for the end of the process."""
-        self._process.send_signal(number)
-        if number == signal.SIGKILL:
-            self._process.wait()
-
-    def end(self) -> None:
-        """Kill the process if it still runs."""
-        if self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
+def _kill(process: subprocess.Popen) -> None:
+    process.kill()
+    process.wait()
 
 
 def run_processes(progress: Callable[[int, int, str], None] = lambda done, every, what: None,
@@ -185,38 +176,38 @@ def run_processes(progress: Callable[[int, int, str], None] = lambda done, every
 
 def _run(name: str, event: str, kill: bool, again: float | None, namespace: str,
          domain: int | None) -> dict[str, Any]:
-    context = Context()
-    context.init(domain_id=domain)
-    started: dict[str, _Process] = {}
-    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch:
+    started: dict[str, subprocess.Popen] = {}
+    with ExitStack() as ending:
+        context = ending.enter_context(ros_context(domain))
+        scratch = ending.enter_context(tempfile.TemporaryDirectory(prefix='fam_bundle_'))
         trajectory, log = Path(scratch, 'hold.yaml'), Path(scratch, 'log')
         trajectory.write_text('format: fam-bundle-trajectory/1\nquantity: force\n'
                               f'points: [[0 s, {_FORCE:g} N], [600 s, {_FORCE:g} N]]\n')
+
+        def start(which: str) -> None:
+            module, own = next(item[1:] for item in NODES if item[0] == which)
+            more = {'trajectory': trajectory} if which == 'reference_generator' else {}
+            started[which] = _start(module, {**own, **more}, namespace, log, domain)
+            ending.callback(_kill, started[which])
         witness = _Witness(context, namespace)
-        try:
-            with closing(Spinner(context, [witness])) as spinner:
-                def start(which: str) -> None:
-                    module, own = next(item[1:] for item in NODES if item[0] == which)
-                    more = {'trajectory': trajectory} if which == 'reference_generator' else {}
-                    started[which] = _Process(module, {**own, **more}, namespace, log, domain)
-                for which, _, _ in NODES:
-                    start(which)
-                _reach(spinner, witness, log)
-                struck = time.monotonic()
-                started[name].signal(signal.SIGKILL if kill else signal.SIGSTOP)
-                spinner.spin(again if again is not None else _WATCHED)
-                if again is not None:
-                    if kill:
-                        start(name)
-                    else:
-                        started[name].signal(signal.SIGCONT)
-                    # A process takes some seconds to start and to be found.
-                    spinner.spin(_WATCHED + (2.0 if kill else 0.0))
-                answer = _enable(spinner, witness, _ANSWERED)
-        finally:
-            for process in started.values():
-                process.end()
-            context.try_shutdown()
+        spinner = ending.enter_context(closing(Spinner(context, [witness])))
+        for which, _, _ in NODES:
+            start(which)
+        _reach(spinner, witness, log)
+        struck = time.monotonic()
+        if kill:
+            _kill(started[name])
+        else:
+            started[name].send_signal(signal.SIGSTOP)
+        spinner.spin(again if again is not None else _WATCHED)
+        if again is not None:
+            if kill:
+                start(name)
+            else:
+                started[name].send_signal(signal.SIGCONT)
+            # A process takes some seconds to start and to be found.
+            spinner.spin(_WATCHED + (2.0 if kill else 0.0))
+        answer = _enable(spinner, witness, _ANSWERED)
     # Without rig or pressure loop `enable` must refuse.
     gone = again is None and name not in ('reference_generator', 'recruitment_controller')
     return {'node': name, 'event': event, **_judge(witness.rows, struck, gone, answer)}

@@ -34,10 +34,7 @@ class Observer:
     """
     Records the true state of the rig and the states of the nodes after each step of the rig.
 
-    Parameters
-    ----------
-    enable_at : float, s, optional
-        Time of the trajectory at which the service `enable` is called.
+    The service `enable` is called at ``enable_at``, a time of the trajectory in s, if it is given.
     """
 
     def __init__(self, enable_at: float | None = None) -> None:

@@ -9,6 +9,7 @@ do not wait for it until it returns, and treat its value as stale.
 """
 
 from collections.abc import Iterable
+import time
 from typing import Any
 
 
@@ -38,6 +39,8 @@ class Gate:
         self._missing = set(self._latest)
         #: Newest stamp that any channel carries; -1 before the first.
         self.stamp = -1
+        #: Steady time at which that stamp came, s.
+        self._since = time.monotonic()
         #: Whether all channels have arrived together once.
         self.begun = False
 
@@ -58,7 +61,7 @@ class Gate:
         before = self._latest[channel][0]
         self._latest[channel] = (stamp, value)
         if stamp > self.stamp or stamp < before == self.stamp:
-            self.stamp = stamp
+            self.stamp, self._since = stamp, time.monotonic()
             self._missing = set(self._latest) - self.lost
         if stamp != self.stamp:
             self._missing.add(channel)
@@ -72,6 +75,11 @@ class Gate:
     def missing(self) -> list[str]:
         """Channels that are waited for."""
         return [name for name in self._latest if name in self._missing]
+
+    def overdue(self, patience: float) -> list[str]:
+        """Give up channels that the newest stamp has waited for longer than ``patience`` (s)."""
+        waited = time.monotonic() - self._since
+        return self.give_up() if self.begun and waited > patience else []
 
     def give_up(self) -> list[str]:
         """Mark the channels that are waited for as lost and return them."""

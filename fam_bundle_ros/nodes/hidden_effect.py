@@ -18,16 +18,7 @@ HIDDEN = Spec('hidden_effect', '', 'an additional effect of the rig, written as 
 
 
 class HiddenEffect:
-    """
-    The parameter ``hidden_effect`` of a simulated rig.
-
-    Parameters
-    ----------
-    rig : Rig
-        The rig without the effect.
-    text : str
-        The parameter at the start.
-    """
+    """The parameter ``hidden_effect`` of a simulated rig; ``text`` is its first value."""
 
     def __init__(self, rig: Rig, text: str):
         self._rig, self._plain = rig, rig.bundle
@@ -51,10 +42,7 @@ def with_written_effect(bundle: Bundle, text: str) -> Bundle:
     """
     Return a bundle with an additional effect, written as in a model file.
 
-    Raises
-    ------
-    InputError
-        When the text is no effect, or one that the bundle has already.
+    InputError if the text is no effect, or one that the bundle has already.
 
     Examples
     --------

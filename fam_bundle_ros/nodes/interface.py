@@ -30,6 +30,8 @@ from trajectory_msgs.msg import JointTrajectory
 from fam_bundle_ros.errors import InputError
 
 NAMESPACE = 'bundle'
+#: Largest number of motor units of a bundle.
+MOST_UNITS = 64
 
 FORCE = 'force'
 STRAIN = 'strain'
@@ -70,6 +72,11 @@ RESTORE_MODEL = 'restore_model'
 LOAD_CELL_FRAME = 'load_cell'
 #: Largest strain rate, 1/s: full contraction in 0.03 s, faster than any muscle.
 FASTEST = 10.0
+
+
+def unit_names(units: int) -> list[str]:
+    """Return mu1, mu2, ..., as in the messages that have a joint for each motor unit."""
+    return [f'mu{unit}' for unit in range(1, units + 1)]
 
 
 def pressure_topic(unit: int) -> str:
@@ -212,20 +219,13 @@ def joint_writer(names: Sequence[str], *fields: str) -> Callable[..., JointState
 
 def strain_writer(length: float) -> Callable[[int, float, float], JointState]:
     """
-    Return the writer of strain and contraction as joints, positive when shorter.
+    Return the writer (stamp, strain, rate in 1/s) of the joints strain and contraction.
 
-    It takes the stamp (ns), the strain (1) and its rate (1/s).
-
-    Parameters
-    ----------
-    length : float, m
-        Rest length of the bundle.
+    Positive when shorter; ``length`` is the rest length of the bundle, m.
     """
     joints = joint_writer(('contraction', 'strain'), 'position', 'velocity')
-
-    def write(stamp: int, strain: float, rate: float) -> JointState:
-        return joints(stamp, (strain * length, strain), (rate * length, rate))
-    return write
+    return lambda stamp, strain, rate: joints(stamp, (strain * length, strain),
+                                              (rate * length, rate))
 
 
 def contraction_writer() -> Callable[[int, float], JointState]:
@@ -247,11 +247,8 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
     """
     Return strain and strain rate (1/s; nan where the message gives no velocity).
 
-    Raises
-    ------
-    InputError
-        When there is neither a joint ``strain`` nor a joint ``contraction``, or when the number
-        of positions or velocities is not that of the joints.
+    InputError if there is neither a joint ``strain`` nor a joint ``contraction``, or if the number
+    of positions or velocities is not that of the joints.
     """
     joints, rates = len(message.name), len(message.velocity)
     if len(message.position) != joints or rates not in (0, joints):
@@ -300,10 +297,7 @@ def valve_writer(unit: int) -> Callable[[int, float], JointState]:
     The stamp is that of the reading on which the command is based.
     """
     joints = joint_writer((f'mu{unit}_valve',), 'effort')
-
-    def write(stamp: int, command: float) -> JointState:
-        return joints(stamp, (command,))
-    return write
+    return lambda stamp, command: joints(stamp, (command,))
 
 
 def valve_message(stamp: int, unit: int, command: float) -> JointState:
@@ -312,14 +306,7 @@ def valve_message(stamp: int, unit: int, command: float) -> JointState:
 
 
 def read_valve(message: JointState, unit: int) -> float:
-    """
-    Return the command for a motor unit's valve, -1..1.
-
-    Raises
-    ------
-    InputError
-        When the message is for another valve, or the command is not a number from -1 to 1.
-    """
+    """Return the command for a motor unit's valve; InputError if for another or not -1 to 1."""
     name = f'mu{unit}_valve'
     if list(message.name) != [name] or len(message.effort) != 1:
         raise InputError(f"a valve command names {', '.join(message.name) or 'nothing'} with "
@@ -341,27 +328,21 @@ def reference_force_writer() -> Callable[[int, float, float], WrenchStamped]:
 def reference_strain_writer() -> Callable[[int, float, float], JointState]:
     """Return the writer (stamp, strain, rate in 1/s) of a strain reference."""
     joints = joint_writer(('strain',), 'position', 'velocity')
-
-    def write(stamp: int, strain: float, rate: float) -> JointState:
-        return joints(stamp, (strain,), (rate,))
-    return write
+    return lambda stamp, strain, rate: joints(stamp, (strain,), (rate,))
 
 
 def reference_pressures_writer(units: int) -> Callable[[int, Iterable[float]], JointState]:
     """Return the writer (stamp, gauge pressures in Pa) of pressure references."""
-    return joint_writer([f'mu{k + 1}' for k in range(units)], 'effort')
+    return joint_writer(unit_names(units), 'effort')
 
 
 def read_pressures(message: JointState, units: int) -> tuple[float, ...]:
     """
     Return the pressure references of mu1 ... mu<n>, Pa (gauge); the joints may have any order.
 
-    Raises
-    ------
-    InputError
-        When not every motor unit has exactly one.
+    InputError if not every motor unit has exactly one.
     """
-    names = [f'mu{k + 1}' for k in range(units)]
+    names = unit_names(units)
     if sorted(message.name) != sorted(names) or len(message.effort) != units:
         raise InputError(f"pressures name {', '.join(message.name) or 'nothing'} with "
                          f"{len(message.effort)} efforts; expected {', '.join(names)} with one "
@@ -377,13 +358,15 @@ def state_message(state: int) -> UInt8:
     return UInt8(data=int(state))
 
 
-def recruitment_writer(units: int) -> Callable[..., JointState]:
+def recruitment_writer(units: int) -> Callable[[int, Iterable[bool], Iterable[float]], JointState]:
     """Return the writer of 0 or 1 (position) and share of the force (effort) per motor unit."""
-    joints = joint_writer([f'mu{k + 1}' for k in range(units)], 'position', 'effort')
+    joints = joint_writer(unit_names(units), 'position', 'effort')
+    return lambda stamp, active, share: joints(stamp, map(bool, active), share)
 
-    def write(stamp: int, active: Iterable[bool], share: Iterable[float]) -> JointState:
-        return joints(stamp, map(bool, active), share)
-    return write
+
+def text_message(text: str) -> String:
+    """Return a text."""
+    return String(data=text)
 
 
 def bool_message(value: bool) -> Bool:

@@ -12,6 +12,7 @@ import yaml
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import (
     bundle_bringup,
+    interface,
     model_monitor,
     pid_parameters,
     plant_simulator,
@@ -21,24 +22,15 @@ from fam_bundle_ros.nodes import (
 )
 from fam_bundle_ros.nodes.base import BundleNode, COMMON
 
-#: Largest number of motor units of a node.
-_UNITS = 64
 #: Names of all parameters; files may contain those of nodes that are not started here.
 NAMES = frozenset(spec.name for spec in (
     *COMMON, *bundle_bringup.SPECS, *model_monitor.SPECS, *pid_parameters.SPECS,
     *plant_simulator.SPECS, *recruitment_parameters.SPECS, *reference_generator.SPECS,
-    *serial_parameters.SPECS, *serial_parameters.scale_specs(_UNITS)))
+    *serial_parameters.SPECS, *serial_parameters.scale_specs(interface.MOST_UNITS)))
 
 
 def refuse_unknown(nodes: Iterable[BundleNode]) -> None:
-    """
-    Refuse parameters that were given to nodes and that no node of the package has.
-
-    Raises
-    ------
-    InputError
-        The message contains the unknown name and the most similar known one.
-    """
+    """Refuse parameters that were given to nodes and that no node of the package has."""
     nodes = list(nodes)
     given = {name for node in nodes for name in node._parameter_overrides}
     for name in sorted(given - NAMES):
@@ -50,14 +42,7 @@ def refuse_unknown(nodes: Iterable[BundleNode]) -> None:
 
 
 def refuse_unheard(nodes: Iterable[BundleNode], files: Sequence[str]) -> None:
-    """
-    Refuse a parameter file of which no section is for one of the nodes.
-
-    Raises
-    ------
-    InputError
-        The message names the file, its sections and the nodes.
-    """
+    """Refuse a parameter file of which no section is for one of the nodes."""
     names = [node.get_fully_qualified_name() for node in nodes]
     for path in files:
         with open(path, encoding='utf-8') as file:

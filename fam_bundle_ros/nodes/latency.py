@@ -10,6 +10,7 @@ in a process of its own.
 
 from collections.abc import Callable
 import cProfile
+from dataclasses import replace
 import os
 import subprocess
 import sys
@@ -30,7 +31,7 @@ from fam_bundle_ros.nodes.empty import empty_node, EmptyRig, roles
 from fam_bundle_ros.nodes.models import model_in
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
-from fam_bundle_ros.nodes.process import node_command
+from fam_bundle_ros.nodes.process import node_command, ros_context
 from fam_bundle_ros.nodes.session import DESKTOP
 from fam_bundle_ros.resources import config_path
 
@@ -41,13 +42,7 @@ _PATIENCE = 20.0
 
 
 class Stopwatch:
-    """
-    Times samples from their first message to the last valve command with their stamp.
-
-    Parameters
-    ----------
-    units : int
-    """
+    """Times samples of a rig from the first message to the last valve command of each."""
 
     def __init__(self, units: int):
         self._units = units
@@ -150,18 +145,12 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
     dict
         ``median``, ``p99``, ``max`` (s), ``answered`` and ``sent`` (1/s), ``cpu`` (of a core,
         this process).
-
-    Raises
-    ------
-    RuntimeError
-        When no sample is answered.
     """
     namespace = f'bench_{os.getpid()}'
     watch = Stopwatch(units)
     children: list[subprocess.Popen] = []
-    context = Context()
-    context.init(args=['--ros-args', '--log-level', 'error'])
-    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch:
+    with (ros_context(log_level='error') as context,
+          tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch):
         values = {'model': model_in(scratch, 'model', _bundle(units)), 'rate': rate,
                   'lock_step': lock_step, 'wait_for_reference': lock_step,
                   'publish_clock': False, 'start_stopped': False, 'start_enabled': True,
@@ -190,7 +179,6 @@ def measure(graph: str, rate: float = 200.0, units: int = 2, seconds: float = 4.
             executor.shutdown()
             for node in nodes:
                 node.destroy_node()
-            context.try_shutdown()
 
 
 def _timed(executor: Executor, watch: Stopwatch, seconds: float,
@@ -255,5 +243,5 @@ def _bundle(units: int) -> Bundle:
     paper = load_model(config_path('models/spie2021.yaml'))
     first = paper.motor_units[0]
     return paper if units == 2 else Bundle(
-        f'units{units}', [type(first)(f'mu{k + 1}', first.muscles, first.geometry,
-                                      first.max_pressure) for k in range(units)], paper.effects)
+        f'units{units}', [replace(first, name=name) for name in interface.unit_names(units)],
+        paper.effects)

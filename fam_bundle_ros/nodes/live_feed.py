@@ -64,16 +64,7 @@ class PendingCall:
 
 
 class LiveFeed(BundleNode):
-    """
-    Listens to a bundle.
-
-    Parameters
-    ----------
-    tell : callable
-        Called with each record.
-    **keywords
-        Of `BundleNode`.
-    """
+    """Listens to a bundle, calls ``tell`` with each record; keywords as of `BundleNode`."""
 
     def __init__(self, tell: Callable[[dict[str, Any]], None], **keywords: Any):
         super().__init__('live_feed', (), **keywords)

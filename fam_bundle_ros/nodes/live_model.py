@@ -33,10 +33,7 @@ class LiveModel:
     """
     A model that follows a rig sample by sample.
 
-    Parameters
-    ----------
-    bundle : Bundle
-        Its sensor effects are removed from the readings and added to the force, as in `predict`.
+    Its sensor effects are removed from the readings and added to the force, as in `predict`.
     """
 
     def __init__(self, bundle: Bundle):
@@ -204,14 +201,7 @@ def failure_words(bundle: Bundle, data: Measurement) -> str:
 
 
 def error_on(bundle: Bundle, data: Measurement) -> float:
-    """
-    Return the rms error of a model on data, N.
-
-    Raises
-    ------
-    InputError
-        When data and model differ in their motor units.
-    """
+    """Return the rms error of a model on data, N; InputError if their motor units differ."""
     return rms(data.force - predict(bundle, data))
 
 

@@ -48,9 +48,8 @@ class LoopState:
     """Publishes the state of a pressure loop."""
 
     def __init__(self, node: BundleNode, unit: int):
-        publish = node.publisher(interface.pid_state_topic(unit), String,
-                                 interface.LATCHED).publish
-        self._send = lambda text: publish(String(data=text))
+        self._send = node.sender(interface.pid_state_topic(unit), String, interface.text_message,
+                                 interface.LATCHED)
         self._text = ''
         if not node.lock_step:
             # In the executor of the control loop, so that a loop that hangs is silent.

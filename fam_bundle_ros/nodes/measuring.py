@@ -30,12 +30,12 @@ from fam_bundle_ros.data.protocol import minutes, Protocol, read_protocol, segme
 from fam_bundle_ros.data.segment_store import SegmentStore
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.nodes import interface, sensing
+from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.diagnostics import ERROR
 from fam_bundle_ros.nodes.models import model_in
-from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
 from fam_bundle_ros.nodes.rig_parameters import pressure_parameters
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
@@ -49,6 +49,7 @@ _QUIET = 0.5
 _SILENT = 2.0
 #: Period of the progress reports, s.
 _SLICE = 0.2
+_CUT = 'the controller has cut the supply'
 #: Parameters of a simulated rig: it runs at once and as fast as possible.
 _SIMULATED = {'lock_step': True, 'wait_for_reference': True, 'publish_clock': True,
               'start_enabled': True, 'start_stopped': False, 'generate': False, 'monitor': False}
@@ -79,7 +80,7 @@ class Measuring(BundleNode):
     """
 
     def __init__(self, bundle: Bundle, run: ProtocolRun, clock: float, **keywords: Any):
-        super().__init__('measuring', (*LISTENER, *sensing.SPECS), **keywords)
+        super().__init__('measuring', LISTENER, **keywords)
         self._run, self._zero = run, clock
         self._first: int | None = None
         self._last = -1
@@ -133,12 +134,11 @@ class Measuring(BundleNode):
         self._send(sample.stamp)
 
     def _send(self, stamp: int) -> None:
-        asked = self._asked
-        vented = [0.0] * len(self._setpoint)
-        if asked is not None and asked.strain is not None and not self.stopped:
+        asked = None if self.stopped else self._asked
+        if asked is not None and asked.strain is not None:
             # Strain first: in lock-step the rig makes its step once the pressures are answered.
             self._ask_strain(stamp, asked.strain, asked.rate)
-        self._ask_pressures(stamp, vented if self.stopped or asked is None else asked.pressure)
+        self._ask_pressures(stamp, asked.pressure if asked else [0.0] * len(self._setpoint))
 
     def _on_supply(self, message: Bool) -> None:
         if self.started and self._open and not message.data and not self._run.done:
@@ -163,9 +163,6 @@ class Measuring(BundleNode):
     def stop(self) -> None:
         """Set the pressure references to zero."""
         self._ask_pressures(max(self._last, 0), [0.0] * len(self._setpoint))
-
-
-_CUT = 'the controller has cut the supply'
 
 
 def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
@@ -224,8 +221,8 @@ def measure(protocol: Protocol, out: str | Path, model: Bundle, *,
         with ExitStack() as ending:
             # Before the first node, as a KeyboardInterrupt in a callback would be lost.
             signals = ending.enter_context(StopSignals())
-            context = begin('warn', domain, alone=domain is None and not rig)
-            ending.callback(context.try_shutdown)
+            context = ending.enter_context(
+                ros_context(domain, 'warn', alone=domain is None and not rig))
             node = {'context': context, 'namespace': namespace}
             if rig:
                 nodes: list[BundleNode] = []

@@ -12,6 +12,7 @@ nodes.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 import json
 import math
 from typing import Any
@@ -21,7 +22,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.nodes import interface, sensing
+from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER, MODEL
 from fam_bundle_ros.nodes.diagnosing import Diagnosing
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, Report, WARN
@@ -32,7 +33,7 @@ from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 
 SPECS = (
-    *MODEL, *LISTENER, *sensing.SPECS,
+    replace(MODEL, dynamic=True), *LISTENER,
     Spec('window', 60.0, 'window of the rms error, and time without alarm after which the model '
          'holds again, s', 0.5, 600.0),
     Spec('memory', 300.0, 'length of the memory, s', 10.0, 3600.0),
@@ -50,14 +51,7 @@ _PERIOD = 0.5
 
 
 class ModelMonitor(BundleNode):
-    """
-    The model monitor.
-
-    Parameters
-    ----------
-    **keywords
-        Of `BundleNode`.
-    """
+    """The model monitor; keywords as of `BundleNode`."""
 
     def __init__(self, **keywords: Any):
         super().__init__('model_monitor', SPECS, **keywords)
@@ -67,11 +61,11 @@ class ModelMonitor(BundleNode):
         self.watch = ModelWatch(bundle, p['window'], p['memory'], p['false_alarms'],
                                 p['tolerance'] if p['tolerance'] > 0.0 else None)
         self._stamp = -1
-        self._held, self._state = True, ''
+        self._held = True
         self._send_model, self._send_residual = (
             self.sender(topic, WrenchStamped, interface.force_writer())
             for topic in (interface.MODEL_FORCE, interface.MODEL_RESIDUAL))
-        self._state_publisher = self.publisher(interface.MODEL_STATE, String, interface.LATCHED)
+        self._announce = self.announcer(interface.MODEL_STATE, String, interface.text_message)
         self._diagnosing = Diagnosing(self, self.watch, self._publish_state)
         self._sensing = Sensing(self, bundle.n, bundle.length, self._on_sample)
         self.subscribe(interface.MODEL_APPLIED, String, self._on_applied, interface.LATCHED)
@@ -131,11 +125,8 @@ class ModelMonitor(BundleNode):
     # --- output --------------------------------------------------------------------------------
 
     def _publish_state(self) -> None:
-        text = json.dumps({**self.watch.state(), 'file': self.p['model'],
-                           **self._diagnosing.state})
-        if text != self._state:
-            self._state = text
-            self._state_publisher.publish(String(data=text))
+        self._announce(json.dumps({**self.watch.state(), 'file': self.p['model'],
+                                   **self._diagnosing.state}))
 
     def _report(self, report: Report) -> None:
         self._sensing.report(report)

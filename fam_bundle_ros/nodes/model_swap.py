@@ -63,7 +63,8 @@ class ModelSwap:
         self._offset: list[float] | None = None
         self._left = 0.0
         self._rate: RateState | None = None
-        self._publisher = node.publisher(interface.MODEL_APPLIED, String, interface.LATCHED)
+        self._send = node.sender(interface.MODEL_APPLIED, String, interface.text_message,
+                                 interface.LATCHED)
         node.subscribe(interface.MODEL_STATE, String, self._on_state, interface.LATCHED)
         node.trigger(interface.APPLY_MODEL, self._apply)
         node.trigger(interface.RESTORE_MODEL, self._restore)
@@ -159,7 +160,7 @@ class ModelSwap:
         if not result.successful:
             raise self._refused(result.reason)
         self._left, self._rate = _FADE, rate
-        self._publisher.publish(String(data=file))
+        self._send(file)
         said = f'{self._present().name} is in use now instead of {before} ({file})'
         self._node.get_logger().info(said)
         return said

@@ -84,7 +84,7 @@ class Spec:
                                      read_only=not self.dynamic)
         if self.choices:
             result.additional_constraints = self.expected
-        if isinstance(self.default, bool) or isinstance(self.default, str):
+        if isinstance(self.default, (bool, str)):
             return result
         # With a step other than 0, rclpy refuses the values between the steps.
         if isinstance(self.default, int):
@@ -100,7 +100,6 @@ class Spec:
         if self.choices and value not in self.choices:
             raise InputError(f'parameter {self.name} is {value!r}; expected {self.expected}')
 
-
     def loosens(self, before: Any, after: Any) -> bool:
         """Return whether a change loosens a safety limit."""
         if not self.guards:
@@ -111,19 +110,7 @@ class Spec:
 
 
 class Parameters(dict[str, Any]):
-    """
-    The values of a node's parameters, kept up to date.
-
-    Parameters
-    ----------
-    node : Node
-    specs : sequence of Spec
-
-    Raises
-    ------
-    InputError
-        When an override has the wrong type or lies out of range.
-    """
+    """The values of a node's parameters, kept up to date; InputError for a wrong override."""
 
     def __init__(self, node: Node, specs: Sequence[Spec]):
         super().__init__()
@@ -140,8 +127,8 @@ class Parameters(dict[str, Any]):
                 spec.check(value)
             self[spec.name] = value
 
-    def on_change(self, node: Node, check: Callable[[dict[str, Any]], Any],
-                  apply: Callable[[dict[str, Any]], None],
+    def on_change(self, node: Node, check: Callable[[dict[str, Any]], Any] = lambda values: None,
+                  apply: Callable[[dict[str, Any]], None] = lambda changes: None,
                   acting: Callable[[], bool] = lambda: False) -> None:
         """
         Validate and apply changes while the node runs.
@@ -187,12 +174,9 @@ def table(specs: Sequence[Spec]) -> str:
     """Return the parameters as lines of text, for ``--help``."""
     lines = []
     for spec in specs:
+        default = repr(spec.default)
         if isinstance(spec.default, bool):
-            default = 'true' if spec.default else 'false'
-        elif isinstance(spec.default, str):
-            default = f"'{spec.default}'"
-        else:
-            default = str(spec.default)
+            default = default.lower()
         bounds = '' if isinstance(spec.default, (bool, str)) else f' [{spec.low:g}..{spec.high:g}]'
         kind = ('changes while off' if spec.at_rest else
                 'changes while running' if spec.dynamic else 'at start')

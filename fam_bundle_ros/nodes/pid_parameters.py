@@ -2,22 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the node pressure_pid, and the controller settings made from them."""
 
+from dataclasses import replace
 from typing import Any
 
 from fam_bundle_ros.control import PidConfig, PidGains
 from fam_bundle_ros.control.pid import ANTI_WINDUP
 from fam_bundle_ros.control.safety import HOLD_TIME, OVER_PRESSURE_FACTOR
 from fam_bundle_ros.model.pneumatics import ValveFlow
-from fam_bundle_ros.nodes import sensing
+from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import LATENCY, LISTENER, MODEL
 from fam_bundle_ros.nodes.parameters import Spec
 
 _GAINS, _CONFIG = PidGains(), PidConfig()
 
 SPECS = (
-    Spec('motor_unit', 1, 'which motor unit, from 1', 1, 64),
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for gas volume and largest pressure'),
-    *LISTENER, *sensing.SPECS, *LATENCY,
+    Spec('motor_unit', 1, 'which motor unit, from 1', 1, interface.MOST_UNITS),
+    replace(MODEL, text=f'{MODEL.text}: for gas volume and largest pressure'),
+    *LISTENER, *LATENCY,
     Spec('gains.p', _GAINS.p, 'pressure rate per error, 1/s', 0.0, 1e3, dynamic=True),
     Spec('gains.i', _GAINS.i, 'pressure rate per integrated error, 1/s^2', 0.0, 1e5, dynamic=True),
     Spec('gains.d', _GAINS.d, 'on the measured pressure rate, dimensionless', 0.0, 1.0,

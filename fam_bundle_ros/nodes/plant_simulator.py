@@ -36,7 +36,7 @@ from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 
 SPECS = (
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text),
+    MODEL,
     Spec('plant_model', '', 'model file of the rig if other than `model`, for a hidden effect'),
     HIDDEN,
     Spec('rate', 200.0, 'samples per second', 10.0, 2000.0),
@@ -95,16 +95,9 @@ class Script(Protocol):
 
 class PlantSimulator(BundleNode):
     """
-    The simulated rig.
+    The simulated rig; further keywords as of `BundleNode`.
 
-    Parameters
-    ----------
-    rig : Rig, optional
-        Replaces the rig that the parameters describe.
-    script : Script, optional
-        Hooks of each step.
-    **keywords
-        Of `BundleNode`.
+    ``rig`` replaces the rig that the parameters describe, ``script`` has hooks of each step.
 
     Attributes
     ----------
@@ -126,7 +119,7 @@ class PlantSimulator(BundleNode):
                 'supply.pressure (of the pressure loops too)')
         self._hidden = HiddenEffect(self.rig, p[HIDDEN.name])
         self.units = self.rig.bundle.n
-        self._channels = [f'mu{i + 1}' for i in range(self.units)]
+        self._channels = interface.unit_names(self.units)
         self._script = script
         self._profile = load_profile(p['load.profile']) if p['load.profile'] else None
         if self._profile and (self._profile.kind != 'strain' or not isinstance(
@@ -171,7 +164,8 @@ class PlantSimulator(BundleNode):
             *pressures,
             ('force', self.sender(interface.FORCE, WrenchStamped, interface.force_writer())),
             ('supply', supply[1])]
-        self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
+        self._send_stop = self.sender(interface.E_STOP, Bool, interface.bool_message,
+                                      interface.LATCHED)
         self._time_publisher = (self.publisher(interface.CLOCK, Clock)
                        if self.lock_step and self.p['publish_clock'] else None)
         for i in range(self.units):
@@ -347,7 +341,7 @@ class PlantSimulator(BundleNode):
     def _announce_stop(self) -> None:
         if self.rig.e_stopped:
             self.get_logger().warning(f'stopped: {self.rig.e_stopped}')
-        self._e_stop.publish(interface.bool_message(bool(self.rig.e_stopped)))
+        self._send_stop(bool(self.rig.e_stopped))
 
     # --- services and parameters ---------------------------------------------------------------
 

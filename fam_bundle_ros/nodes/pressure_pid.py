@@ -43,9 +43,8 @@ from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.models import bundle_from
-from fam_bundle_ros.nodes.pid_air import Air, SAMPLES
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
-from fam_bundle_ros.nodes.pid_readings import LongestGap, Stretch
+from fam_bundle_ros.nodes.pid_readings import Air, LongestGap, SAMPLES, Stretch
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.supply_enable import Permission, TIMEOUT
 
@@ -63,14 +62,9 @@ _SETTLING = 0.5
 
 class PressurePidNode(BundleNode):
     """
-    The pressure loop of one motor unit.
+    The pressure loop of one motor unit; keywords as of `BundleNode`.
 
-    Parameters
-    ----------
-    unit : int, optional
-        Replaces the parameter ``motor_unit`` and determines the node's name.
-    **keywords
-        Of `BundleNode`.
+    ``unit`` replaces the parameter ``motor_unit`` and determines the node's name.
     """
 
     def __init__(self, unit: int | None = None, *, overrides: dict[str, Any] | None = None,
@@ -119,7 +113,6 @@ class PressurePidNode(BundleNode):
         self._loop_state = LoopState(self, self.unit)
         self._loop_state.say(self._guard.now)
         self._gate = Gate(('pressure', 'setpoint', 'strain', 'supply'))
-        self._gate_since = time.monotonic()
         self.subscribe(interface.pressure_topic(self.unit), FluidPressure, self._on_pressure)
         self.subscribe(interface.setpoint_topic(self.unit), FluidPressure, self._on_setpoint)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
@@ -233,8 +226,6 @@ class PressurePidNode(BundleNode):
     # --- lock-step -----------------------------------------------------------------------------
 
     def _collect(self, channel: str, stamp: int, value: Any) -> None:
-        if stamp > self._gate.stamp:
-            self._gate_since = time.monotonic()
         if self._gate.put(channel, stamp, value):
             self._answer_gate()
 
@@ -250,17 +241,13 @@ class PressurePidNode(BundleNode):
 
     def _check_time(self) -> None:
         """Detect missing messages: nothing else runs while the rig is silent."""
-        now = time.monotonic()
         if self.lock_step:
-            if (self._gate.begun and self._gate.missing
-                    and now - self._gate_since > 1.5 * self.p['lock_step_timeout']):
-                lost = self._gate.give_up()
+            if lost := self._gate.overdue(1.5 * self.p['lock_step_timeout']):
                 self.say('lost', f"mu{self.unit}: no {', '.join(lost)} any more", 0.0)
                 self._answer_gate()
             return
-        if self._pressure_meter.last is None:
-            return
-        if now - self._pressure_meter.last > self.p['sensor_timeout']:
+        now, last = time.monotonic(), self._pressure_meter.last
+        if last is not None and now - last > self.p['sensor_timeout']:
             self._publish(self.now_ns(), self._judge(now, None))
 
     def _now(self, stamp: int) -> float:

@@ -7,7 +7,8 @@ Signals only set a flag. rclpy's own handlers would shut the context down before
 command could be published, and an exception inside a callback could interrupt a node midway.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 import os
 import signal
@@ -40,9 +41,11 @@ PATIENCE = 2.0
 NodeFactory = Callable[[Context], Sequence[BundleNode]]
 
 
-def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Context:
+@contextmanager
+def ros_context(domain: int | None = None, log_level: str = 'info', alone: bool = False
+                ) -> Iterator[Context]:
     """
-    Return a context for nodes of this process.
+    Yield a context for nodes of this process, and shut it down at the end.
 
     With ``alone``, the nodes are visible to each other only, so that a simulated run cannot move a
     real rig of the same names.
@@ -50,7 +53,10 @@ def begin(log_level: str, domain: int | None = None, alone: bool = False) -> Con
     context = Context()
     with variables(**{'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'} if alone else {}):
         context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
-    return context
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
 
 
 class Spinner:
@@ -75,11 +81,6 @@ class Spinner:
         # The executor checks its own time-out only when no event is pending, which never happens
         # in lock-step.
         self.nodes[0].every(0.5 * SLICE, self._check)
-
-    def add(self, node: BundleNode) -> None:
-        """Add a node, to be stopped last."""
-        self.nodes.append(node)
-        self.executor.add_node(node)
 
     def spin(self, seconds: float = SLICE) -> None:
         """Process events for some time (s), or until `interrupt`."""
@@ -260,14 +261,13 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
 def _init(context: Context, argv: Sequence[str]) -> None:
     try:
         rest = remove_ros_args(list(argv))[1:]
-        if rest:
-            raise InputError(f"unknown argument '{rest[0]}'; parameters are given as "
-                             '--ros-args -p name:=value (see --help)')
-        rclpy.init(args=list(argv), context=context,
-                   signal_handler_options=SignalHandlerOptions.NO)
-    except InputError:
-        raise
+        if not rest:
+            rclpy.init(args=list(argv), context=context,
+                       signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, ValueError) as error:
         # RCLError is a RuntimeError whose reason is followed by places in C source files.
         reason = str(error).split(', at /')[0].partition(': ')
         raise InputError(' '.join((reason[2] or reason[0]).split())) from None
+    if rest:
+        raise InputError(f"unknown argument '{rest[0]}'; parameters are given as "
+                         '--ros-args -p name:=value (see --help)')

@@ -48,11 +48,6 @@ class Points:
     rates : tuple of float, optional
         Derivatives at the points, for cubic Hermite interpolation; linear without.
 
-    Raises
-    ------
-    InputError
-        When the points do not make a trajectory.
-
     Examples
     --------
     >>> up = Points('up', 'force', (0.0, 2.0), (10.0, 20.0))
@@ -126,14 +121,7 @@ class Points:
 
 
 def load_profile(name: str) -> Points:
-    """
-    Return the trajectory of a file: a path, or the name of one that ships.
-
-    Raises
-    ------
-    InputError
-        Naming the file and the point.
-    """
+    """Return the trajectory of a file: a path, or the name of one that ships."""
     path = shipped_or_own(name, 'trajectories')
     try:
         content = yaml.safe_load(path.read_text(encoding='utf-8'))

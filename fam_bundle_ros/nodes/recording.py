@@ -13,7 +13,6 @@ import struct
 import time
 from typing import Any
 
-from rclpy.context import Context
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from fam_bundle_ros.bagwriter import BagWriter
@@ -21,10 +20,8 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.interface import Topic
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 
-#: Largest number of motor units that is searched for.
-_MOST_UNITS = 64
 #: Time-out of `record` for the first topic, s.
 _PATIENCE = 10.0
 #: Period of writing to the disk, s: a killed process loses no more than this.
@@ -40,13 +37,7 @@ class Recorder(BundleNode):
     Subscribes to topics and writes their messages.
 
     Messages with a header are recorded at their own stamp, others at the newest stamp received,
-    so that in lock-step the bag of a run is reproducible.
-
-    Parameters
-    ----------
-    writer : BagWriter
-    **keywords
-        Of `BundleNode`.
+    so that in lock-step the bag of a run is reproducible. Keywords as of `BundleNode`.
     """
 
     def __init__(self, writer: BagWriter, **keywords: Any):
@@ -78,7 +69,7 @@ class Recorder(BundleNode):
     def discover(self) -> None:
         """Record the topics of the interface that are on the graph and not recorded yet."""
         known = {self.resolve_topic_name(topic.name): topic
-                 for topic in interface.topics(_MOST_UNITS)}
+                 for topic in interface.topics(interface.MOST_UNITS)}
         for name, types in self.get_topic_names_and_types():
             topic = known.get(name)
             if topic is None or name in self.recorded or topic.type_name not in types:
@@ -137,9 +128,7 @@ def record(folder: str | Path, seconds: float | None = None,
         When no topic of the interface is found within 10 s.
     """
     with ExitStack() as ending:
-        context = Context()
-        context.init(domain_id=domain)
-        ending.callback(context.try_shutdown)
+        context = ending.enter_context(ros_context(domain))
         writer = ending.enter_context(closing(BagWriter(folder)))
         node = Recorder(writer, context=context, namespace=namespace)
         spinner = ending.enter_context(closing(Spinner(context, [node])))

@@ -27,16 +27,15 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.adaptation import Adaptation
-from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.base import BundleNode, REMIND
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Report, WARN
-from fam_bundle_ros.nodes.doubts import OffTarget
 from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import crowded, Oversight
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.recruitment_parameters import controller_config, SPECS
 from fam_bundle_ros.nodes.reference_intake import ReferenceIntake
-from fam_bundle_ros.nodes.references import MovingReference
+from fam_bundle_ros.nodes.references import MovingReference, OffTarget
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.supply_enable import SupplyEnable, TIMEOUT
 
@@ -45,8 +44,6 @@ _LONGEST = 0.1
 #: A stamp that goes back by more than this means that the clock was set; by less, that the clocks
 #: of two channels differ, s.
 _CLOCK_SET = 0.5
-#: Period of repeated warnings in the log, s; diagnostics have them every second.
-_REMIND = 60.0
 #: Pa: below it a motor unit counts as vented.
 _VENTED = 5e3
 #: Errors of force (share of the blocked force) and strain up to which a reference is reached.
@@ -54,14 +51,7 @@ _REACHED_FORCE, _REACHED_STRAIN = 0.05, 0.02
 
 
 class RecruitmentNode(BundleNode):
-    """
-    The recruitment controller.
-
-    Parameters
-    ----------
-    **keywords
-        Of `BundleNode`.
-    """
+    """The recruitment controller; keywords as of `BundleNode`."""
 
     def __init__(self, **keywords: Any):
         super().__init__('recruitment_controller', SPECS, **keywords)
@@ -93,7 +83,6 @@ class RecruitmentNode(BundleNode):
         #: Last setpoints, Pa (gauge), and last command, None while the controller is off.
         self.setpoints = [0.0] * n
         self.command: Command | None = None
-        self._published_state = -1
         self._set_up_interface()
 
     def _set_up_interface(self) -> None:
@@ -101,18 +90,17 @@ class RecruitmentNode(BundleNode):
         self._send_setpoint = [
             self.sender(interface.setpoint_topic(i + 1), FluidPressure,
                         interface.pressure_writer(self.ambient)) for i in range(n)]
-        self._state_publisher = self.publisher(interface.RECRUITMENT_STATE, UInt8,
-                                               interface.LATCHED)
+        self._announce_state = self.announcer(interface.RECRUITMENT_STATE, UInt8,
+                                              interface.state_message)
         self._send_recruitment = self.sender(interface.RECRUITMENT, JointState,
                                              interface.recruitment_writer(n))
-        self._publish_state(0)
-        self._supply = SupplyEnable(self, lambda silence: self._oversight.stood_still(silence),
-                                    max(TIMEOUT, self.p['sensor_timeout']),
-                                    lambda: self._oversight.contradicted())
+        self._announce_state(0)
         self._oversight = Oversight(self, self.bundle, self._now, self._on_latch, self._on_e_stop)
-        extra = ('reference',) if self.p['wait_for_reference'] else ()
-        self._sensing = Sensing(self, n, self.bundle.length, self._on_sample, extra,
-                                self._oversight.look_at_pressure)
+        self._supply = SupplyEnable(self, self._oversight.stood_still,
+                                    max(TIMEOUT, self.p['sensor_timeout']),
+                                    self._oversight.contradicted)
+        self._sensing = Sensing(self, n, self.bundle.length, self._on_sample,
+                                self.p['wait_for_reference'], self._oversight.look_at_pressure)
         self._references = ReferenceIntake(self, self.bundle, self._take_reference)
         self.create_service(SetBool, interface.ENABLE, self._on_enable)
         self._adaptation = Adaptation(self, lambda: self.controller)
@@ -152,8 +140,8 @@ class RecruitmentNode(BundleNode):
         if not self.lock_step or sample.stamp != self._answered:
             self._answered = sample.stamp
             # Without a reference (lost message) the last one is kept.
-            if reference := sample.extra.get('reference'):
-                self._reference.take(reference, self._now())
+            if sample.reference is not None:
+                self._reference.take(sample.reference, self._now())
             self._decide(sample, dt)
         else:
             self._supply.repeat()
@@ -289,15 +277,10 @@ class RecruitmentNode(BundleNode):
             send(stamp, setpoint)
         command = self.command
         n = self.bundle.n
-        self._publish_state(command.state if command else 0)
+        self._announce_state(command.state if command else 0)
         active = command.active if command else [False] * n
         share = command.share.tolist() if command else [0.0] * n
         self._send_recruitment(stamp, active, share)
-
-    def _publish_state(self, state: int) -> None:
-        if state != self._published_state:
-            self._published_state = state
-            self._state_publisher.publish(interface.state_message(state))
 
     def stop(self) -> None:
         """Publish setpoints of ambient pressure."""
@@ -364,7 +347,6 @@ class RecruitmentNode(BundleNode):
             return
         self.bundle = self._bundle_for(self.p['model'])
         self._loaded = self.p['model']
-        self._limit = self.bundle.max_pressure.tolist()
         self._oversight.set_model(self.bundle)
         before = self.controller
         self.controller = RecruitmentController(self.bundle, controller_config(self.p))
@@ -406,17 +388,18 @@ class RecruitmentNode(BundleNode):
                 report.add(WARN, f'demand {command.demand:.1f} N is out of reach '
                            f'({command.saturated})')
         if self._off_target.text:
-            report.add(WARN, self._off_target.text)
-            self.say('off target', self._off_target.text, _REMIND)
+            self._warn(report, 'off target', self._off_target.text)
         for text in self._oversight.force_contradiction():
             # A gauge that drifts slowly, or the model: no reason to stop, but to look.
-            report.add(WARN, text)
-            self.say('force', text, _REMIND)
+            self._warn(report, 'force', text)
         self._references.report(report)
         for text in crowded(self, (*self._oversight.topics, interface.REFERENCE_FORCE,
                                    interface.REFERENCE_STRAIN, interface.REFERENCE_PRESSURES)):
-            report.add(WARN, text)
-            self.say(text, text, _REMIND)
+            self._warn(report, text, text)
+
+    def _warn(self, report: Report, key: str, text: str) -> None:
+        report.add(WARN, text)
+        self.say(key, text, REMIND)
 
 
 main = executable(RecruitmentNode, __doc__, SPECS)

@@ -3,6 +3,7 @@
 """Parameters of the node recruitment_controller, and the settings made from them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from fam_bundle_ros.control import (
@@ -16,7 +17,6 @@ from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.control.recruitment import POLICIES
 from fam_bundle_ros.control.safety import HOLD_TIME, OVER_PRESSURE_FACTOR
 from fam_bundle_ros.control.spread import SCHEMES
-from fam_bundle_ros.nodes import sensing
 from fam_bundle_ros.nodes.base import LATENCY, LISTENER, MODEL
 from fam_bundle_ros.nodes.parameters import Spec
 
@@ -48,9 +48,8 @@ def _outer_spec(name: str, unit: str, high: float) -> Spec:
 
 
 SPECS = (
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + '; changes only while it is off',
-         dynamic=True),
-    *LISTENER, *sensing.SPECS, *LATENCY,
+    replace(MODEL, text=f'{MODEL.text}; changes only while it is off', dynamic=True),
+    *LISTENER, *LATENCY,
     Spec('start_enabled', False, 'start without a call of `enable`'),
     Spec('wait_for_reference', False, 'wait in lock-step for a reference of the same stamp: true '
          'if a reference_generator runs'),

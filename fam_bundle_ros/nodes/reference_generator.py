@@ -10,6 +10,7 @@ reference has a subscriber. The last value is held. With ``give_way`` it is sile
 node sends ``reference/pressures``, and resumes a second later; its time continues meanwhile.
 """
 
+from dataclasses import replace
 from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import WrenchStamped
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from fam_bundle_ros.simulation import Trajectory
 
 SPECS = (
-    Spec(MODEL[0].name, MODEL[0].default, MODEL[0].text + ': for the rest length'),
+    replace(MODEL, text=f'{MODEL.text}: for the rest length'),
     Spec('trajectory', '', 'trajectory file: a path, or the name of one that ships'),
     Spec('repeat', False, 'repeat the trajectory', dynamic=True),
     Spec('prepare', 0.0, 'time for which the first value is held before the start, s', 0.0, 60.0),
@@ -46,14 +47,9 @@ _CLOCK_SET = 1_000_000_000
 
 class ReferenceGenerator(BundleNode):
     """
-    The reference generator.
+    The reference generator; further keywords as of `BundleNode`.
 
-    Parameters
-    ----------
-    profile : Points or Trajectory, optional
-        Replaces the parameter ``trajectory``.
-    **keywords
-        Of `BundleNode`.
+    ``profile`` replaces the parameter ``trajectory``.
     """
 
     def __init__(self, *, profile: 'Points | Trajectory | None' = None, **keywords: Any):
@@ -85,7 +81,7 @@ class ReferenceGenerator(BundleNode):
         self.subscribe(interface.FORCE, WrenchStamped,
                        lambda m: self._on_sample(interface.FORCE, m))
         self.subscribe(interface.REFERENCE_PRESSURES, JointState, self._on_pressures)
-        p.on_change(self, lambda values: None, lambda changes: None)
+        p.on_change(self)
         self._diagnostics = Diagnostics(self, self._report)
 
     @property
@@ -139,7 +135,7 @@ class ReferenceGenerator(BundleNode):
             if not self.lock_step and publisher.get_subscription_count() == 0:
                 return
             self.start = stamp
-        t = (stamp - self.start) * 1e-9 - self.p['prepare']
+        t = self.run_time
         if self.p['repeat'] and profile.duration > 0.0 and t > 0.0:
             t %= profile.duration
         value = profile.value(max(t, 0.0))
@@ -175,20 +171,7 @@ class ReferenceGenerator(BundleNode):
 
 
 def trajectory_profile(message: JointTrajectory, length: float) -> Points:
-    """
-    Return the trajectory of a message.
-
-    Parameters
-    ----------
-    message : JointTrajectory
-    length : float, m
-        Rest length, for a joint ``contraction``.
-
-    Raises
-    ------
-    InputError
-        When the joint is not force, strain or contraction, or the points are invalid.
-    """
+    """Return the trajectory of a message; the rest length (m) is for a joint ``contraction``."""
     names = list(message.joint_names)
     if len(names) != 1 or names[0] not in ('force', 'strain', 'contraction'):
         raise InputError(f"trajectory of the joints {', '.join(names) or 'none'}; expected one "

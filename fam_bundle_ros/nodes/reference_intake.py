@@ -15,8 +15,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
-from fam_bundle_ros.nodes.diagnostics import Meter, Report
-from fam_bundle_ros.nodes.doubts import ReferenceTally
+from fam_bundle_ros.nodes.diagnostics import Meter, Report, WARN
 from fam_bundle_ros.nodes.references import ReferenceRate
 
 #: A change between two force references above this share of the blocked force is a step.
@@ -47,30 +46,40 @@ class ReferenceIntake:
         self._length = bundle.length
         self._pressures = DirectPressures(bundle)
         self._rate = ReferenceRate(_STEP * float(bundle.blocked_force(bundle.max_pressure)))
-        self._tally = ReferenceTally()
         self.meter = Meter()
+        self._kind = ''
+        #: Since the last report: kinds before and after each change, reasons of refusals.
+        self._changes: list[tuple[str, str]] = []
+        self._refused: list[str] = []
         for topic, kind, read in (
                 (interface.REFERENCE_FORCE, WrenchStamped, self._force),
                 (interface.REFERENCE_STRAIN, JointState, self._strain),
                 (interface.REFERENCE_PRESSURES, JointState, self._pressure)):
-            node.subscribe(topic, kind, self._tallied(read))
+            node.subscribe(topic, kind, self._reader(read))
 
     def report(self, report: Report) -> None:
-        """Add rate and age, what was refused, and changes of the mode."""
+        """Add rate and age, and warnings of refused references and changes of their kind."""
         self.meter.report(report, 'reference')
-        self._tally.report(report)
+        if self._refused:
+            report.add(WARN, f'{len(self._refused)} references refused: {self._refused[-1]}')
+        if len(self._changes) > 1:
+            report.add(WARN, f'references changed {len(self._changes)} times between '
+                       + ' and '.join(sorted(self._changes[-1])))
+        self._refused, self._changes = [], []
 
-    def _tallied(self, read: Callable[[Any, int], Reference]) -> Callable[[Any], None]:
-        """Return a callback that counts accepted and refused references."""
+    def _reader(self, read: Callable[[Any, int], Reference]) -> Callable[[Any], None]:
+        """Return a callback that reads references, and counts refusals and changes of kind."""
         def callback(message: Any) -> None:
             stamp = interface.stamp_ns(message.header.stamp)
             try:
                 reference = read(message, stamp)
             except InputError as error:
-                self._tally.refuse(str(error))
+                self._refused.append(str(error))
                 raise
             self.meter.tick()
-            self._tally.take(reference.kind)
+            if reference.kind != self._kind != '':
+                self._changes.append((self._kind, reference.kind))
+            self._kind = reference.kind
             self._take(stamp, reference)
         return callback
 

@@ -3,6 +3,7 @@
 """Checks whether a rig conforms to the interface: names, types, rates, units, signs, noise."""
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 import time
@@ -14,10 +15,11 @@ from std_msgs.msg import Bool
 
 from fam_bundle_ros.data.rates import spread
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.e_stop import UNHEARD
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 from fam_bundle_ros.nodes.recording import matching_qos
 from fam_bundle_ros.plant.faults import UNITS
 
@@ -25,8 +27,8 @@ from fam_bundle_ros.plant.faults import UNITS
 _ABSOLUTE = 50e3
 #: Largest pressure, Pa gauge.
 _HIGHEST = 1.5e6
-#: Tolerance of a reading of ambient pressure, as a share: weather, altitude, sensor offset.
-_AMBIENT = 0.15
+#: Deviation of a reading of ambient pressure by weather, altitude and sensor offset, Pa.
+_NEAR = 0.15 * ATMOSPHERE
 #: Force (N) and strain below which neither sign nor unit can be determined.
 _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
 #: Force with which a vented bundle at most pushes back when it is pressed together, N: a reading
@@ -34,7 +36,6 @@ _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
 _PUSH = 50.0
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
-_MOST_UNITS = 64
 #: A larger latency than this comes from clocks that differ, not from the network, s.
 _APART = 1.0
 
@@ -107,8 +108,8 @@ class _Listener(BundleNode):
 
 
 def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, units: int = 1,
-              domain: int | None = None, length: float = 0.127, ambient: float = 101325.0,
-              gauge: bool = False, patience: float = 5.0,
+              domain: int | None = None, length: float = 0.127, gauge: bool = False,
+              patience: float = 5.0,
               progress: Callable[[float], None] | None = None) -> list[Finding]:
     """
     Listen to a rig and return what is right and wrong with what it sends.
@@ -124,7 +125,6 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
         ROS domain; that of the environment by default.
     length : float, m
         Rest length, for a rig that sends the contraction alone.
-    ambient : float, Pa (absolute)
     gauge : bool
         The rig sends gauge pressure, as with the parameter ``pressure_is_gauge``.
     patience : float, s
@@ -136,16 +136,12 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
     -------
     list of Finding
     """
-    context = Context()
-    context.init(domain_id=domain)
-    node = _Listener(context, namespace, length)
-    spinner = Spinner(context, [node])
-    try:
-        with StopSignals() as signals:
+    with ros_context(domain) as context:
+        node = _Listener(context, namespace, length)
+        with closing(Spinner(context, [node])) as spinner, StopSignals() as signals:
             begin = time.monotonic()
             sensors = {node.resolve_topic_name(name) for name in (
-                interface.FORCE, interface.STRAIN,
-                *(interface.pressure_topic(i + 1) for i in range(units)))}
+                interface.FORCE, interface.STRAIN, *_pressures(units))}
             until = partial(spinner.until, ended=lambda: signals.received)
             until(lambda: sensors <= set(node.types()), patience)
             there = _listen(node, length)
@@ -161,25 +157,25 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
                 raise KeyboardInterrupt
             more = [Finding(True, 'motor units', f'{there}, but {units} in the model: no node '
                             'commands the others', note=True)] if there > units else []
-            return more + _judge(node, max(units, there), seconds, ambient, gauge)
-    finally:
-        spinner.close()
-        context.try_shutdown()
+            return more + _judge(node, max(units, there), seconds, gauge)
+
+
+def _pressures(units: int) -> list[str]:
+    return [interface.pressure_topic(unit) for unit in range(1, units + 1)]
 
 
 def _listen(node: _Listener, length: float) -> int:
     """Subscribe to every sensor of the right type; return the number of motor units."""
     types = node.types()
     units = 0
-    while units < _MOST_UNITS and node.resolve_topic_name(
+    while units < interface.MOST_UNITS and node.resolve_topic_name(
             interface.pressure_topic(units + 1)) in types:
         units += 1
     readers: dict[str, Callable[[Any], float]] = {
         interface.FORCE: interface.read_force,
         interface.STRAIN: lambda m: interface.read_strain(m, length)[0],
         # Not converted: whether they are gauge or absolute is to be found out.
-        **{name: lambda m: m.fluid_pressure for name in (
-            interface.SUPPLY, *(interface.pressure_topic(i + 1) for i in range(units)))}}
+        **{name: lambda m: m.fluid_pressure for name in (interface.SUPPLY, *_pressures(units))}}
     for topic in interface.topics(units):
         name = node.resolve_topic_name(topic.name)
         if topic.name in readers and topic.type_name in types.get(name, ()):
@@ -187,14 +183,11 @@ def _listen(node: _Listener, length: float) -> int:
     return units
 
 
-def _judge(node: _Listener, units: int, seconds: float, ambient: float,
-           gauge: bool) -> list[Finding]:
+def _judge(node: _Listener, units: int, seconds: float, gauge: bool) -> list[Finding]:
     types = node.types()
     expected = {topic.name: topic for topic in interface.topics(units)}
     findings = []
-    names = [interface.FORCE, interface.STRAIN,
-             *(interface.pressure_topic(i + 1) for i in range(units)), interface.SUPPLY]
-    for name in names:
+    for name in (interface.FORCE, interface.STRAIN, *_pressures(units), interface.SUPPLY):
         found = types.get(node.resolve_topic_name(name), [])
         wanted = expected[name].type_name
         optional = name == interface.SUPPLY
@@ -204,7 +197,7 @@ def _judge(node: _Listener, units: int, seconds: float, ambient: float,
                                     + (' (optional)' if optional else '')))
             continue
         findings += _judge_channel(name, node.rows.get(name, []), node.bad.get(name), seconds,
-                                   ambient, gauge)
+                                   gauge)
     for i in range(units):
         name = interface.valve_topic(i + 1)
         heard = node.count_subscribers(name)
@@ -218,7 +211,7 @@ def _judge(node: _Listener, units: int, seconds: float, ambient: float,
 
 
 def _judge_channel(name: str, rows: list[tuple[float, int, float, float]], bad: str | None,
-                   seconds: float, ambient: float, gauge: bool) -> list[Finding]:
+                   seconds: float, gauge: bool) -> list[Finding]:
     if bad:
         return [Finding(False, name, bad)]
     if len(rows) < 5:
@@ -242,7 +235,7 @@ def _judge_channel(name: str, rows: list[tuple[float, int, float, float]], bad: 
                                 'same; is it alive? Set stuck_time to 0 for an instrument without '
                                 'noise', note=True))
     if len(finite):
-        findings.append(_judge_values(name, finite, ambient, gauge))
+        findings.append(_judge_values(name, finite, gauge))
     return findings
 
 
@@ -261,14 +254,14 @@ def _judge_latency(name: str, latencies: np.ndarray, rate: float) -> Finding:
     return Finding(True, f'{name} latency', f'{seen}; the clocks agree')
 
 
-def _judge_values(name: str, values: np.ndarray, ambient: float, gauge: bool) -> Finding:
+def _judge_values(name: str, values: np.ndarray, gauge: bool) -> Finding:
     middle = float(np.median(values))
     noise = spread(np.diff(values)) / np.sqrt(2.0) if len(values) > 2 else 0.0
     if name == interface.FORCE:
         return _judge_force(middle, noise)
     if name == interface.STRAIN:
         return _judge_strain(middle, noise)
-    return _judge_pressure(name, middle, noise, ambient, gauge)
+    return _judge_pressure(name, middle, noise, gauge)
 
 
 def _judge_force(middle: float, noise: float) -> Finding:
@@ -295,26 +288,25 @@ def _judge_strain(middle: float, noise: float) -> Finding:
         '' if ok else '; expected a fraction (not % or mm), positive when shorter'))
 
 
-def _judge_pressure(name: str, middle: float, noise: float, ambient: float,
-                    gauge: bool) -> Finding:
+def _judge_pressure(name: str, middle: float, noise: float, gauge: bool) -> Finding:
     what, seen = f'{name} unit', f'{middle / 1e3:.1f} kPa, noise {noise / 1e3:.2f} kPa'
     unit = next((unit for unit, factor in UNITS['pressure'].items()
-                 if abs(middle / factor - ambient) < _AMBIENT * ambient),
+                 if abs(middle / factor - ATMOSPHERE) < _NEAR),
                 'kPa' if name == interface.SUPPLY and 50.0 < middle < 3e3 else '')
     if unit and noise < 0.1 * middle:
         # A gauge reading in Pa would hardly have this offset and so little noise.
         return Finding(False, what, f'{middle:.4g}, noise {noise:.2g}: looks like {unit}, '
                        'expected Pa')
     if gauge:
-        if abs(middle - ambient) < _AMBIENT * ambient:
+        if abs(middle - ATMOSPHERE) < _NEAR:
             return Finding(False, what, f'{seen}: looks absolute; leave out --gauge and '
                            'pressure_is_gauge, or vent it first')
-        ok = -_AMBIENT * ambient < middle < _HIGHEST
-        little = abs(middle) < _AMBIENT * ambient
+        ok = -_NEAR < middle < _HIGHEST
+        little = abs(middle) < _NEAR
         return Finding(ok, what, f'{seen} gauge' + (
             '; expected Pa' if not ok else '; Pa or kPa cannot be determined at rest: see that it '
             'rises with the air' if little else ''), note=ok and little)
-    ok = _ABSOLUTE < middle < _HIGHEST + ambient
+    ok = _ABSOLUTE < middle < _HIGHEST + ATMOSPHERE
     hint = ('' if ok else '; FluidPressure is absolute: set pressure_is_gauge (here --gauge) for '
             'a driver that sends gauge' if middle <= _ABSOLUTE else '; expected Pa')
     return Finding(ok, what, f'{seen}{hint}' if hint else seen.replace(' kPa,', ' kPa absolute,'))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import partial
 import math
 import time
+from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -158,15 +159,18 @@ class Hand(BundleNode):
         if self.permission is not None:
             self._send_permission(self.permission)
 
-    def _note(self, channel: Channel, stamp: int, value: float, command: float = math.nan) -> None:
+    def _note(self, channel: Channel, message: Any, value: float, command: float = math.nan
+              ) -> int:
+        """Record a reading; return its stamp, ns."""
+        stamp = interface.stamp_ns(message.header.stamp)
         channel.seen = time.monotonic()
         channel.rows.append((self.latency(stamp), stamp * 1e-9, value, command))
+        return stamp
 
     def _on_pressure(self, unit: int, message: FluidPressure) -> None:
-        stamp, channel = interface.stamp_ns(message.header.stamp), self.pressure[unit]
-        command = self.command[unit]
-        self._note(channel, stamp, message.fluid_pressure,
-                   math.nan if command is None else command)
+        channel, command = self.pressure[unit], self.command[unit]
+        stamp = self._note(channel, message, message.fluid_pressure,
+                           math.nan if command is None else command)
         if not channel.last <= self.limit:
             self.vent(f'mu{unit + 1}/pressure rose by {channel.last / 1e3:.1f} kPa; at most '
                       f'{self.limit / 1e3:.0f} kPa can be')
@@ -174,18 +178,16 @@ class Hand(BundleNode):
             self._send[unit](stamp, command)
 
     def _on_force(self, message: WrenchStamped) -> None:
-        self._note(self.force, interface.stamp_ns(message.header.stamp),
-                   interface.read_force(message))
+        self._note(self.force, message, interface.read_force(message))
         if abs(self.force.last) > self.most_force:
             self.vent(f'the force changed by {self.force.last:.1f} N; at most '
                       f'{self.most_force:.0f} N can be')
 
     def _on_strain(self, message: JointState) -> None:
-        self._note(self.strain, interface.stamp_ns(message.header.stamp),
-                   interface.read_strain(message, self._length)[0])
+        self._note(self.strain, message, interface.read_strain(message, self._length)[0])
 
     def _on_supply(self, message: FluidPressure) -> None:
-        self._note(self.supply, interface.stamp_ns(message.header.stamp), message.fluid_pressure)
+        self._note(self.supply, message, message.fluid_pressure)
 
     def _on_e_stop(self, message: Bool) -> None:
         self.stopped = message.data

@@ -9,15 +9,16 @@ whether the unit empties when commands stop. A failure ends the check with all u
 """
 
 from collections.abc import Callable
+from contextlib import closing
 
 import numpy as np
-from rclpy.context import Context
 
 from fam_bundle_ros.control.rig_fit import split_volume, ValveFit
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.process import Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 from fam_bundle_ros.nodes.rig_hand import Channel, Hand, Session, Vented
 from fam_bundle_ros.nodes.rig_unit import COME_UP, Probe, UnitProbe
 
@@ -35,7 +36,7 @@ _REST_TIME, _SPOOL = 0.6, 2e-3
 
 
 def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMESPACE,
-              tube_volume: float = 5e-6, ambient: float = 101325.0, domain: int | None = None,
+              tube_volume: float = 5e-6, domain: int | None = None,
               patience: float = 5.0, progress: Callable[[float, str], None] = (
                   lambda share, what: None)) -> Probe:
     """
@@ -52,7 +53,6 @@ def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMES
     namespace : str
     tube_volume : float, m^3
         Of each motor unit, from its dimensions; identified if the gas volumes differ.
-    ambient : float, Pa (absolute)
     domain : int, optional
     patience : float, s
         Time-out for the topics of the rig.
@@ -69,35 +69,29 @@ def probe_rig(bundle: Bundle, supply: float, *, namespace: str = interface.NAMES
     if not _LEAST <= supply <= most:
         raise InputError(f'supply is {supply / 1e3:g} kPa; expected a low one, '
                          f'{_LEAST / 1e3:g} to {most / 1e3:.0f} kPa')
-    context = Context()
-    context.init(domain_id=domain)
-    hand = Hand(context, namespace, bundle.n, bundle.length)
-    spinner = Spinner(context, [hand])
-    try:
-        with StopSignals() as signals:
+    with ros_context(domain) as context:
+        hand = Hand(context, namespace, bundle.n, bundle.length)
+        with closing(Spinner(context, [hand])) as spinner, StopSignals() as signals:
             session = Session(hand, spinner, lambda: signals.received)
             result = Probe()
             try:
-                _Work(session, result, bundle, supply, tube_volume, ambient, progress).do(patience)
+                _Work(session, result, bundle, supply, tube_volume, progress).do(patience)
             except Vented as why:
                 result.say(False, 'vented', str(why))
                 result.parameters = {}
             finally:
                 session.let_go()
             return result
-    finally:
-        spinner.close()
-        context.try_shutdown()
 
 
 class _Work:
     """The steps, in order."""
 
     def __init__(self, session: Session, result: Probe, bundle: Bundle, supply: float,
-                 tube_volume: float, ambient: float, progress: Callable[[float, str], None]):
+                 tube_volume: float, progress: Callable[[float, str], None]):
         self._session, self._hand, self._result = session, session.hand, result
-        self._bundle, self._supply, self._ambient = bundle, supply, ambient
-        self._unit = UnitProbe(session, result, bundle, supply, tube_volume, ambient)
+        self._bundle, self._supply = bundle, supply
+        self._unit = UnitProbe(session, result, bundle, supply, tube_volume)
         self._tube, self._progress = tube_volume, progress
         #: Fitted valves by motor unit, from 0; only of units that passed.
         self._fits: dict[int, ValveFit] = {}
@@ -173,8 +167,8 @@ class _Work:
 
     def _above_ambient(self, channel: Channel) -> float:
         """Return the gauge pressure of a channel at rest, Pa; not 0 if a shut line holds air."""
-        absolute = self._hand.pressure[0].zero > 0.5 * self._ambient
-        return channel.zero - (self._ambient if absolute else 0.0)
+        absolute = self._hand.pressure[0].zero > 0.5 * ATMOSPHERE
+        return channel.zero - (ATMOSPHERE if absolute else 0.0)
 
     # --- parameters for the controllers --------------------------------------------------------
 
@@ -191,7 +185,7 @@ class _Work:
         stamps = hand.pressure[0].since(0)[:, 1]
         rate = 1.0 / float(np.median(np.diff(stamps)))
         noise = max(channel.noise for channel in hand.pressure)
-        gauge = hand.pressure[0].zero < 0.5 * self._ambient
+        gauge = hand.pressure[0].zero < 0.5 * ATMOSPHERE
         parameters = self._result.parameters
         if not gauge:
             parameters['ambient_pressure'] = round(float(np.mean(

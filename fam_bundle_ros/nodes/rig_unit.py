@@ -74,7 +74,7 @@ class UnitProbe:
     result : Probe
         Receives the findings.
     bundle : Bundle
-    supply, ambient : float, Pa (gauge), Pa (absolute)
+    supply : float, Pa (gauge)
     tube_volume : float, m^3
 
     Attributes
@@ -86,9 +86,9 @@ class UnitProbe:
     """
 
     def __init__(self, session: Session, result: Probe, bundle: Bundle, supply: float,
-                 tube_volume: float, ambient: float):
+                 tube_volume: float):
         self._session, self._hand, self._result = session, session.hand, result
-        self._bundle, self._supply, self._ambient = bundle, supply, ambient
+        self._bundle, self._supply = bundle, supply
         self._tube = tube_volume
         self._units = range(bundle.n)
         self.left_out: set[int] = set()
@@ -154,7 +154,7 @@ class UnitProbe:
             self._hand.vent(f'{name} does not empty')
         volume = self.gas(unit) + self._tube
         fit = fit_valve(pulses[:, 1], pulses[:, 2] - channel.zero, pulses[:, 3],
-                        volume, full, self._ambient, blocks=blocks)
+                        volume, full, blocks=blocks)
         ok = fit.misfit < _MISFIT * self._supply + 3.0 * channel.noise
         self._result.say(ok, f'{name} valve', f'conductance {fit.conductance:.3g} m^3/(s Pa), '
                          f'dead band {fit.dead_band:.3f}, acts {1e3 * fit.delay:.1f} ms after the '
@@ -270,16 +270,13 @@ class UnitProbe:
         self._result.say(loss < _LEAK, f'{name} tightness', f'loses {loss:.0%} of its pressure in '
                          'a second while its valve is shut' + (
                              '' if loss < _LEAK else f'; expected less than {_LEAK:.0%}'))
-        begin = len(channel.rows)
         self._tell(unit, None)
-        fell = self._session.wait(_MUTE, lambda: channel.last < 0.7 * full)
-        rows = channel.since(begin)
-        took = rows[-1, 1] - rows[0, 1] if len(rows) else 0.0
-        self._result.say(fell and took < _MUTE_MOST, f'{name} watchdog', (
+        fell, took = self._falls(channel, full, _MUTE)
+        ok = fell and took < _MUTE_MOST
+        self._result.say(ok, f'{name} watchdog', (
             f'exhausts {took:.2f} s after its last command' if fell else
             f'stays at {channel.level() / 1e3:.1f} kPa for {_MUTE:g} s without commands')
-            + ('' if fell and took < _MUTE_MOST else '; expected to exhaust after 0.1 s '
-               '(docs/how_to/driver.md)'))
+            + ('' if ok else '; expected to exhaust after 0.1 s (docs/how_to/driver.md)'))
 
     def answers_silent_permission(self, unit: int, fit: ValveFit) -> None:
         """Shut a full motor unit; it must empty when supply_enable falls silent."""
@@ -288,14 +285,18 @@ class UnitProbe:
         self._session.wait(0.3, lambda: channel.last > 0.5 * self._supply)
         self._tell(unit, 0.0)
         self._session.wait(0.1)
-        full, begin = channel.level(), len(channel.rows)
         hand.permission = None
-        fell = self._session.wait(_PERMISSION_MUTE, lambda: channel.last < 0.7 * full)
-        rows = channel.since(begin)
-        took = rows[-1, 1] - rows[0, 1] if len(rows) else 0.0
-        self._result.say(fell and took < _PERMISSION_MOST, 'supply_enable', (
+        fell, took = self._falls(channel, channel.level(), _PERMISSION_MUTE)
+        ok = fell and took < _PERMISSION_MOST
+        self._result.say(ok, 'supply_enable', (
             f'exhausts {took:.2f} s after its last message' if fell else
             f'mu{unit + 1} stays at {channel.level() / 1e3:.1f} kPa for {_PERMISSION_MUTE:g} s '
             'without it')
-            + ('' if fell and took < _PERMISSION_MOST else '; expected to shut and exhaust after '
-               '0.5 s (docs/how_to/driver.md)'))
+            + ('' if ok else '; expected to shut and exhaust after 0.5 s (docs/how_to/driver.md)'))
+
+    def _falls(self, channel: Channel, full: float, patience: float) -> tuple[bool, float]:
+        """Wait until a pressure falls, from ``full`` (Pa); return whether it did, and when, s."""
+        begin = len(channel.rows)
+        fell = self._session.wait(patience, lambda: channel.last < 0.7 * full)
+        rows = channel.since(begin)
+        return fell, rows[-1, 1] - rows[0, 1] if len(rows) else 0.0

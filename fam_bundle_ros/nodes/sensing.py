@@ -9,7 +9,7 @@ available values. A sample is processed after all messages that are already queu
 pressure loops in the same process answer first.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 import math
@@ -21,19 +21,12 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.base import BundleNode, REMIND
 from fam_bundle_ros.nodes.diagnostics import Meter, Report
 from fam_bundle_ros.nodes.gate import Gate
-from fam_bundle_ros.nodes.parameters import Spec
 
 #: Cut-off of the low-pass for the differentiated strain, Hz.
 _RATE_CUTOFF = 20.0
-#: Period of repeated warnings in the log, s; diagnostics have them every second.
-_REMIND = 60.0
-
-SPECS = (
-    Spec('rate', 200.0, 'samples per second that the rig is expected to send', 1.0, 2000.0),
-)
 
 
 @dataclass(frozen=True)
@@ -47,8 +40,8 @@ class Sample:
     force : float, N
     strain, rate : float, 1 and 1/s
     pressure : list of float, Pa (gauge)
-    extra : dict
-        Values of further channels (lock-step only).
+    reference : object
+        Value of the channel ``reference``, where a sample waits for it.
     silent : bool
         Whether it has no new value: time has passed without messages.
     """
@@ -58,7 +51,7 @@ class Sample:
     strain: float
     rate: float
     pressure: list[float]
-    extra: dict[str, Any]
+    reference: Any = None
     silent: bool = False
 
 
@@ -91,14 +84,14 @@ class Sensing:
     Parameters
     ----------
     node : BundleNode
-        With the parameters of `SPECS` and `LISTENER`.
+        With the parameters of `LISTENER`.
     units : int
     length : float, m
         Rest length of the bundle.
     on_sample : callable
         Called with each complete `Sample`.
-    extra : sequence of str
-        Further channels for which a sample waits in lock-step; their values come by `put`.
+    with_reference : bool
+        Whether samples in lock-step wait for the channel ``reference`` too; it comes by `put`.
     on_pressure : callable, optional
         In wall time, called at once with motor unit (from 0) and gauge pressure of each message,
         for checks that must not wait for the other channels.
@@ -110,22 +103,22 @@ class Sensing:
     """
 
     def __init__(self, node: BundleNode, units: int, length: float,
-                 on_sample: Callable[[Sample], None], extra: Sequence[str] = (),
+                 on_sample: Callable[[Sample], None], with_reference: bool = False,
                  on_pressure: Callable[[int, float], None] | None = None):
         self._node = node
         self._on_pressure = None if node.lock_step else on_pressure
-        self._units = units
+        self._pressures = interface.unit_names(units)
         self._length = length
         self._on_sample = on_sample
-        self._extra = tuple(extra) if node.lock_step else ()
-        sensors = ['force', 'strain', *(f'mu{i + 1}' for i in range(units))]
+        self._with_reference = with_reference and node.lock_step
+        sensors = ['force', 'strain', *self._pressures]
         #: Rate and age of each channel.
         self.meters = {name: Meter() for name in sensors}
         self.latency = dict.fromkeys(sensors, 0.0)
-        self._latest: dict[str, tuple[int, Any]] = {}
-        self._fresh: set[str] = set()
-        self._gate = Gate([*sensors, *self._extra])
-        self._gate_since = time.monotonic()
+        self._latest: dict[str, Any] = {}
+        #: Channels with a new value, and its stamp, ns.
+        self._fresh: dict[str, int] = {}
+        self._gate = Gate([*sensors, *(['reference'] if self._with_reference else [])])
         self._rate = StrainRate()
         self._last_sample = time.monotonic()
         self._stamp = -1
@@ -138,29 +131,25 @@ class Sensing:
         self._due.cancel()
         self._listen('force', interface.FORCE, WrenchStamped, interface.read_force)
         self._listen('strain', interface.STRAIN, JointState, self._read_strain)
-        for i in range(units):
-            self._listen(f'mu{i + 1}', interface.pressure_topic(i + 1), FluidPressure,
+        for i, name in enumerate(self._pressures):
+            self._listen(name, interface.pressure_topic(i + 1), FluidPressure,
                          partial(self._read_pressure, i))
 
     def check_time(self) -> None:
         """Detect missing channels; call this from a timer, for a rig that is silent."""
-        now = time.monotonic()
         if self._node.lock_step:
-            if (self._gate.begun and self._gate.missing
-                    and now - self._gate_since > self._node.p['lock_step_timeout']):
-                lost = self._gate.give_up()
+            if lost := self._gate.overdue(self._node.p['lock_step_timeout']):
                 self._node.say('lost', f"no {', '.join(lost)} any more", 0.0)
                 self._complete_gate()
-            return
-        if self._latest and now - self._last_sample > 2.0 / self._node.p['rate']:
-            self._complete(silent=not self._fresh)
+        elif self._latest and time.monotonic() - self._last_sample > 2.0 / self._node.p['rate']:
+            self._complete()
 
     def report(self, report: Report) -> None:
         """Add rate and age of every channel; warn of one that is too slow."""
         rate = 0.0 if self._node.lock_step else self._node.p['rate']
         for name, meter in self.meters.items():
             if slow := meter.report(report, name, rate):
-                self._node.say(f'{name} rate', slow, _REMIND)
+                self._node.say(f'{name} rate', slow, REMIND)
 
     # --- messages ------------------------------------------------------------------------------
 
@@ -208,14 +197,11 @@ class Sensing:
             In the units of the channel.
         """
         if self._node.lock_step:
-            if stamp > self._gate.stamp:
-                self._gate_since = time.monotonic()
             if self._gate.put(channel, stamp, value):
                 self._complete_gate()
             return
-        self._latest[channel] = (stamp, value)
+        self._latest[channel], self._fresh[channel] = value, stamp
         self.latency[channel] = self._node.latency(stamp)
-        self._fresh.add(channel)
         if self._all_fresh:
             self._due.reset()
 
@@ -229,25 +215,23 @@ class Sensing:
             self._complete()
 
     def _complete_gate(self) -> None:
-        gate = self._gate
-        lost = (math.nan, math.nan)
-        self._stamp = gate.stamp
-        strain, rate = gate.value('strain', lost)
-        self._on_sample(Sample(
-            gate.stamp, gate.value('force', math.nan), strain, rate,
-            [gate.value(f'mu{i + 1}', math.nan) for i in range(self._units)],
-            {name: gate.value(name) for name in self._extra}))
+        self._stamp = self._gate.stamp
+        self._hand_over(self._gate.value)
 
-    def _complete(self, silent: bool = False) -> None:
-        # Only new values: a silent channel whose clock is ahead must not stop the time.
-        stamp = self._stamp = max((self._latest[name][0] for name in self._fresh),
-                                  default=self._stamp)
-        self._fresh.clear()
+    def _complete(self) -> None:
+        """Hand over the last values; without a new one the sample is silent."""
+        silent = not self._fresh
         if not silent:
             self._last_sample = time.monotonic()
-        missing = (stamp, math.nan)
-        strain, rate = self._latest.get('strain', (stamp, (math.nan, math.nan)))[1]
+            # Only new values: a silent channel whose clock is ahead must not stop the time.
+            self._stamp = max(self._fresh.values())
+        self._fresh.clear()
+        self._hand_over(self._latest.get, silent)
+
+    def _hand_over(self, value: Callable[[str, Any], Any], silent: bool = False) -> None:
+        """Make a sample of ``value(channel, value if there is none)``."""
+        strain, rate = value('strain', (math.nan, math.nan))
         self._on_sample(Sample(
-            stamp, self._latest.get('force', missing)[1], strain, rate,
-            [self._latest.get(f'mu{i + 1}', missing)[1] for i in range(self._units)], {},
-            silent))
+            self._stamp, value('force', math.nan), strain, rate,
+            [value(name, math.nan) for name in self._pressures],
+            value('reference', None) if self._with_reference else None, silent))

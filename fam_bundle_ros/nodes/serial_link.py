@@ -60,11 +60,6 @@ class SerialLink:
         Called with an `Event` in the thread of the link.
     retry : float, s
         Time between two attempts to open.
-
-    Raises
-    ------
-    InputError
-        When pyserial is not installed, or does not know this kind of port.
     """
 
     def __init__(self, url: str, baud: int, on_event: Callable[[Event], None], retry: float):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of serial_rig, and the conversion of a board's numbers to SI units."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 import math
 from typing import Any
 
@@ -42,40 +42,8 @@ def scale_specs(units: int) -> tuple[Spec, ...]:
         Spec(f'{name}.offset', 0.0, f'{unit} at a value of 0 from the board', -1e7, 1e7)))
 
 
-@dataclass(frozen=True)
-class Readings:
-    """
-    A sample in SI units.
-
-    Attributes
-    ----------
-    force : float, N
-    contraction : float, m
-    supply : float or None, Pa (gauge)
-    pressure : tuple of float, Pa (gauge)
-    """
-
-    force: float
-    contraction: float
-    supply: float | None
-    pressure: tuple[float, ...]
-
-
 class Scales:
-    """
-    Converts a board's numbers to SI units: ``scale * number + offset``.
-
-    Parameters
-    ----------
-    values : dict
-        The parameters.
-    units : int
-
-    Raises
-    ------
-    InputError
-        When a scale is 0 or not finite.
-    """
+    """Converts a board's numbers to SI units: ``scale * number + offset`` of the parameters."""
 
     def __init__(self, values: dict[str, Any], units: int):
         names = [*_CHANNELS, *(f'mu{i + 1}' for i in range(units))]
@@ -86,16 +54,16 @@ class Scales:
                 raise InputError(f'parameter {name}.scale is {scale:g}; expected a number other '
                                  'than 0')
         self._above = 0.0 if values['board_sends_gauge'] else values['ambient_pressure']
-        self._units = units
 
-    def readings(self, sample: BoardSample) -> Readings:
-        """Return a sample in SI units."""
+    def in_si(self, sample: BoardSample) -> BoardSample:
+        """Return a sample with its readings in N, m and Pa (gauge)."""
         supply = sample.supply
-        return Readings(
-            self._read('force', sample.force), self._read('contraction', sample.contraction),
-            None if supply is None else self._read('supply', supply) - self._above,
-            tuple(self._read(f'mu{i + 1}', value) - self._above
-                  for i, value in enumerate(sample.pressure)))
+        return replace(
+            sample, force=self._read('force', sample.force),
+            contraction=self._read('contraction', sample.contraction),
+            supply=None if supply is None else self._read('supply', supply) - self._above,
+            pressure=tuple(self._read(f'mu{i + 1}', value) - self._above
+                           for i, value in enumerate(sample.pressure)))
 
     def _read(self, name: str, number: float) -> float:
         scale, offset = self._lines[name]

@@ -68,7 +68,7 @@ class Hello:
 @dataclass(frozen=True)
 class BoardSample:
     """
-    One line of readings, in the units of the board.
+    One line of readings, in the units of the board (`Scales.in_si` converts them).
 
     Attributes
     ----------
@@ -153,19 +153,7 @@ def command_line(number: int, time: int, supply: bool, stop: bool,
 
 
 def read_line(line: bytes) -> Hello | BoardSample:
-    """
-    Return the content of a line of the board.
-
-    Parameters
-    ----------
-    line : bytes
-        Without its end.
-
-    Raises
-    ------
-    GarbledLineError
-        When it is not exactly a line of the protocol.
-    """
+    """Return the content of a line without its end; GarbledLineError if it is not quite one."""
     body, star, crc = line.rpartition(b'*')
     if not star:
         raise GarbledLineError('it has no checksum')

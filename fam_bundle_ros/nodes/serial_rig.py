@@ -30,8 +30,14 @@ from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, 
 from fam_bundle_ros.nodes.parameters import Parameters
 from fam_bundle_ros.nodes.process import executable
 from fam_bundle_ros.nodes.serial_link import Event, SerialLink
-from fam_bundle_ros.nodes.serial_parameters import Readings, scale_specs, Scales, SPECS, UNITS
-from fam_bundle_ros.nodes.serial_protocol import AIR, command_line, hello_line, OVER_PRESSURE
+from fam_bundle_ros.nodes.serial_parameters import scale_specs, Scales, SPECS, UNITS
+from fam_bundle_ros.nodes.serial_protocol import (
+    AIR,
+    BoardSample,
+    command_line,
+    hello_line,
+    OVER_PRESSURE,
+)
 
 #: Longest time without a command to the board, s: a tenth of the board's time-out.
 _HEARTBEAT = 0.02
@@ -42,21 +48,7 @@ _HELD_UP = 50e-6
 
 
 class SerialRig(BundleNode):
-    """
-    The driver.
-
-    Parameters
-    ----------
-    context : Context, optional
-    namespace : str
-    overrides : dict, optional
-        As of `BundleNode`.
-
-    Raises
-    ------
-    InputError
-        When a parameter is wrong, or pyserial is missing.
-    """
+    """The driver, as `BundleNode`; InputError if a parameter is wrong or pyserial is missing."""
 
     def __init__(self, *, context: Context | None = None,
                  namespace: str = interface.NAMESPACE, overrides: dict[str, Any] | None = None):
@@ -77,8 +69,7 @@ class SerialRig(BundleNode):
         self._air = Air(self.units, p['command_timeout'], p['supply_timeout'])
         #: Why the rig is stopped until e_stop_reset; empty when it is not.
         self._stop = 'stopped at start: call e_stop_reset' if p['start_stopped'] else ''
-        self._announced: bool | None = None
-        self._readings: Readings | None = None
+        self._readings: BoardSample | None = None
         self._events: deque[Event] = deque()
         self._woken = False
         #: Motor units that were commanded since the last line to the board.
@@ -101,7 +92,7 @@ class SerialRig(BundleNode):
         self._send_supply, *self._send_pressure = (
             self.sender(topic, FluidPressure, interface.pressure_writer(self.ambient, frame))
             for topic, frame in interface.pressure_channels(self.units))
-        self._e_stop = self.publisher(interface.E_STOP, Bool, interface.LATCHED)
+        self._announce_stop = self.announcer(interface.E_STOP, Bool, interface.bool_message)
         for i in range(self.units):
             self.subscribe(interface.valve_topic(i + 1), JointState, partial(self._take_valve, i))
         self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
@@ -140,9 +131,9 @@ class SerialRig(BundleNode):
             event = self._events.popleft()
             if event.kind == 'data':
                 for sample, taken in self._board.feed(event.data, event.time):
-                    self._readings = self._scales.readings(sample)
+                    self._readings = self._scales.in_si(sample)
                     self._publish(self._readings, taken)
-                    self._judge(sample.stop, sample.air)
+                    self._judge(sample)
             elif event.kind == 'open':
                 self._board.opened()
                 self.get_logger().info(f"{self.p['url']} is open")
@@ -156,7 +147,7 @@ class SerialRig(BundleNode):
         if self._board.greeting_due(time.monotonic()):
             self._link.write(hello_line())
 
-    def _publish(self, readings: Readings, taken: float) -> None:
+    def _publish(self, readings: BoardSample, taken: float) -> None:
         self._sample_meter.tick()
         stamp = self._ros_time(taken)
         self._send_force(stamp, readings.force)
@@ -174,14 +165,11 @@ class SerialRig(BundleNode):
                 break
         return now - round(1e9 * (0.5 * (before + after) - steady))
 
-    def _judge(self, button: bool, air: int) -> None:
-        """Stop the rig if the board requires it; log when the board cuts the air itself."""
-        if button:
-            self._stop_for('the stop button is pressed')
-        if air == OVER_PRESSURE:
-            self._stop_for(f'the board has cut the air: {AIR[OVER_PRESSURE]}')
-        if high := self._too_high():
-            self._stop_for(high)
+    def _judge(self, sample: BoardSample) -> None:
+        """Stop the rig if a sample requires it; log when the board cuts the air itself."""
+        if danger := self._danger(sample):
+            self._stop_for(danger)
+        air = sample.air
         text = '' if air in (0, 1) else AIR.get(air, f'its reason {air}')
         if text and text != self._board_air and self._number > 0:
             self._cut(f'by the board: {text}')
@@ -241,23 +229,21 @@ class SerialRig(BundleNode):
         sample = board.newest
         if not board.running or sample is None:
             return board.reason or 'the board has sent no sample yet'
+        return self._danger(sample)
+
+    def _danger(self, sample: BoardSample) -> str:
+        """Return why a sample, or a pressure of the last readings, forbids to run; or empty."""
         if sample.stop:
             return 'the stop button is pressed'
         if sample.air == OVER_PRESSURE:
             return f'the board has cut the air: {AIR[OVER_PRESSURE]}'
-        return self._too_high()
-
-    def _too_high(self) -> str:
         limit = self.p['trip_pressure']
         high = [f'mu{i + 1} is at {value / 1e3:.0f} kPa' for i, value in enumerate(
             self._readings.pressure if self._readings else ()) if value > limit]
         return f"{', '.join(high)}, above {limit / 1e3:g} kPa" if high else ''
 
     def _announce(self) -> None:
-        stopped = bool(self._stop or self._blocked())
-        if stopped != self._announced:
-            self._announced = stopped
-            self._e_stop.publish(interface.bool_message(stopped))
+        self._announce_stop(bool(self._stop or self._blocked()))
 
     def _tick(self) -> None:
         self._drain()
@@ -297,14 +283,13 @@ class SerialRig(BundleNode):
     # --- diagnostics ---------------------------------------------------------------------------
 
     def _report(self, report: Report) -> None:
-        board = self._board
-        now = time.monotonic()
+        board, stopped = self._board, self._stop or self._blocked()
         self._sample_meter.report(report, 'sample')
         self._command_meter.report(report, 'valve command')
         report.value('rig', 'serial')
         report.value('url', self.p['url'])
         report.value('board', board.name or board.reason)
-        report.value('e_stop', self._stop or self._blocked() or 'off')
+        report.value('e_stop', stopped or 'off')
         report.value('air', f'shut by serial_rig: {self._why}' if self._why else
                      f'shut by the board: {self._board_air}' if self._board_air else
                      'open' if board.running else f'unknown: {board.reason}')
@@ -320,12 +305,13 @@ class SerialRig(BundleNode):
         report.value('commands refused', self._refused)
         if not board.running:
             report.add(ERROR, f"{self.p['url']}: {board.reason}")
-        if self._stop or self._blocked():
-            report.add(ERROR, f'stopped: {self._stop or self._blocked()}')
+        if stopped:
+            report.add(ERROR, f'stopped: {stopped}')
         if board.deaf:
             report.add(ERROR, board.deaf)
         if self._board_air:
             report.add(WARN, f'the board keeps the air shut: {self._board_air}')
+        now = time.monotonic()
         for i in self._air.stale(now):
             waiting = self._air.age(i, now) is None
             report.add(WARN, f"mu{i + 1}: {'WAITING for' if waiting else 'lost its'} valve "

@@ -16,7 +16,6 @@ import tempfile
 from typing import Any
 
 import numpy as np
-from rclpy.context import Context
 
 from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.errors import InputError
@@ -26,7 +25,7 @@ from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.models import bundle_from, model_in
 from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
-from fam_bundle_ros.nodes.process import begin, Spinner, StopSignals
+from fam_bundle_ros.nodes.process import ros_context, Spinner, StopSignals
 from fam_bundle_ros.nodes.profile import load_profile, Points
 from fam_bundle_ros.nodes.recording import Recorder
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
@@ -102,7 +101,8 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
         After Ctrl-C, when everything is vented and the bag is closed.
     """
     plan = _plan(trajectory, load)
-    with tempfile.TemporaryDirectory(prefix='fam_bundle_') as scratch:
+    with ExitStack() as ending:
+        scratch = ending.enter_context(tempfile.TemporaryDirectory(prefix='fam_bundle_'))
         model_name = _as_file(model, scratch, 'model')
         plant = bundle_from(_as_file(plant_model, scratch, 'plant')
                             if plant_model is not None else model_name)
@@ -113,26 +113,18 @@ def run_trajectory(model: Bundle | str | Path, trajectory: Trajectory | Points |
                   'publish_clock': lock_step, 'start_enabled': True, 'start_stopped': False,
                   'prepare': plan.prepare, **DESKTOP, **(overrides or {})}
         # Before the first node, as a KeyboardInterrupt in a callback of rclpy would be lost.
-        with StopSignals() as signals:
-            context = begin(log_level, domain, alone=domain is None)
-            return _run(context, values, plan, hardware, namespace, bag, progress, watch, signals)
-
-
-def _run(context: Context, values: dict[str, Any], plan: Trajectory, hardware: Rig,
-         namespace: str, bag: str | Path | None, progress: Callable[[float], None] | None,
-         watch: Watch | None, signals: StopSignals) -> Log:
-    script = _Script(plan, watch)
-    with ExitStack() as ending:
-        ending.callback(context.try_shutdown)
-        nodes: list[BundleNode] = []
+        signals = ending.enter_context(StopSignals())
+        context = ending.enter_context(ros_context(domain, log_level, alone=domain is None))
+        recorders: list[BundleNode] = []
         if bag is not None:
             writer = ending.enter_context(closing(BagWriter(bag)))
             recorder = Recorder(writer, context=context, namespace=namespace)
             recorder.add(interface.topics(hardware.bundle.n))
-            nodes.append(recorder)
-        nodes = make_nodes(context, namespace, overrides=values,
-                           simulator={'rig': hardware, 'script': script},
-                           generator={'profile': plan}) + nodes
+            recorders.append(recorder)
+        script = _Script(plan, watch)
+        nodes = [*make_nodes(context, namespace, overrides=values,
+                             simulator={'rig': hardware, 'script': script},
+                             generator={'profile': plan}), *recorders]
         spinner = ending.enter_context(closing(Spinner(context, nodes)))
         script.controller = next(n for n in nodes if isinstance(n, RecruitmentNode))
         script.simulator = next(n for n in nodes if isinstance(n, PlantSimulator))
@@ -171,10 +163,11 @@ class _Script:
         self._period = 0.0
         #: Gives the time of the trajectory in wall time.
         self.generator: ReferenceGenerator | None = None
-        self.controller: RecruitmentNode | None = None
-        self.simulator: PlantSimulator | None = None
-        self.nodes: Sequence[BundleNode] = ()
-        self.interrupt: Callable[[], None] = lambda: None
+        #: Set before the first step.
+        self.controller: RecruitmentNode
+        self.simulator: PlantSimulator
+        self.nodes: Sequence[BundleNode]
+        self.interrupt: Callable[[], None]
         #: Time of the trajectory, s.
         self.time = -plan.prepare
         self.ended = False
@@ -187,7 +180,6 @@ class _Script:
         while self._events and self._events[0][0] <= self.time + 1e-9:
             rig.change_load(**self._events.pop(0)[1])
         while self._faults and self._faults[0][0] <= self.time + 1e-9:
-            assert self.simulator is not None
             self.simulator.faults = self._faults.pop(0)[1]
         self._period = period
         if plan.imposed is not None:
@@ -196,14 +188,13 @@ class _Script:
 
     def after(self, rig: Rig, time: float, commands: list[float]) -> bool:
         plan, t = self._plan, self.time
-        assert self.controller is not None
         command = self.controller.command
         explanation = command.explanation if command else ''
         if explanation and explanation != self._explained:
             self._decisions.append((t, explanation))
         self._explained = explanation
         self.time = t + self._period
-        if self._watch and self.simulator is not None:
+        if self._watch:
             self._watch(self.time, self.simulator, self.nodes, commands)
         if t >= -1e-9:
             truth, n = rig.truth, rig.bundle.n

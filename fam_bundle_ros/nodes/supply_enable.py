@@ -96,10 +96,7 @@ class Permission:
     """
     Keeps the last message of ``supply_enable``.
 
-    Parameters
-    ----------
-    timeout : float, s
-        Time for which a true is valid; infinite in lock-step, where time may stand still.
+    A true is valid for ``timeout`` (s); infinite in lock-step, where time may stand still.
     """
 
     def __init__(self, timeout: float):

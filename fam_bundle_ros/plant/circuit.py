@@ -110,24 +110,25 @@ class Air:
     #: Spool position, -1..1, and its speed, 1/s.
     spool: list[float]
     spool_rate: list[float]
+    #: Fault: opening of each valve through which supply air leaks into its chamber.
+    seep: list[float]
     #: Pa (absolute).
     manifold: float
-    #: True while the supply is shut off and the manifold dumped (emergency stop).
-    dumping: bool
-    #: Faults: regulator pressure over its set point; opening of each valve through which supply
-    #: air leaks into its chamber.
-    supply_share: float
-    seep: list[float]
     balance: AirBalance
     scratch: AirScratch = field(repr=False)
+    #: True while the supply is shut off and the manifold dumped (emergency stop).
+    dumping: bool = False
+    #: Fault: regulator pressure over its set point.
+    supply_share: float = 1.0
 
     @classmethod
     def at_rest(cls, config: AirConfig, volume: list[float]) -> 'Air':
         """Return chambers at ambient, the manifold at the regulator's set point, valves shut."""
         n = len(volume)
-        return cls([config.ambient] * n, [config.ambient] * n, list(volume), [0.0] * n,
-                   [0.0] * n, [0.0] * n, [0.0] * n, config.supply.pressure + config.ambient,
-                   False, 1.0, [0.0] * n, AirBalance(), AirScratch(*([0.0] * n for _ in range(8))))
+        return cls([config.ambient] * n, [config.ambient] * n, list(volume), compliance=[0.0] * n,
+                   driven=[0.0] * n, spool=[0.0] * n, spool_rate=[0.0] * n, seep=[0.0] * n,
+                   manifold=config.supply.pressure + config.ambient, balance=AirBalance(),
+                   scratch=AirScratch(*([0.0] * n for _ in range(8))))
 
 
 def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,

@@ -173,14 +173,17 @@ def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
     delay = [max(faults.delay.get(name, 0.0), faults.late.get(name, 0.0)) for name in names]
     stuck = {unit: math.inf if position is None else float(position)
              for unit, position in faults.stuck_valve.items()}
-    record = FaultRecord(
+    return FaultRecord(
         leak=[leak + (1.0 / faults.leak[i] if i in faults.leak else 0.0)
               + (1.0 / BURST_TIME if i in faults.burst else 0.0) for i in range(units)],
         stuck=[stuck.get(i, math.nan) for i in range(units)],
         seep=[float(faults.leaking_valve.get(i, 0.0)) for i in range(units)],
         command_of=_exchange(range(units), faults.exchanged_valves),
         command_sign=[-1.0 if i in faults.reversed_valve else 1.0 for i in range(units)],
-        supply=float(faults.supply), spoilt=False,
+        supply=float(faults.supply), spoilt=any((
+            faults.dropout, faults.frozen, faults.silent, faults.late, faults.lost,
+            faults.exchanged, faults.delay, faults.units, faults.gain, faults.offset,
+            faults.drift, faults.spike, faults.plugged, faults.range_end)),
         lost=[int(name in faults.dropout) for name in names],
         held=[int(name in faults.frozen or name in faults.silent) for name in names],
         skipped=each(faults.lost, 0.0),
@@ -192,22 +195,10 @@ def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
               for name in names],
         offset=each(faults.offset, 0.0), drift=each(faults.drift, 0.0),
         spike=each(faults.spike, 0.0), noise_factor=float(faults.noise_factor))
-    record.spoilt = any((
-        faults.dropout, faults.frozen, faults.silent, faults.late, faults.lost, faults.exchanged,
-        faults.delay, faults.units, faults.gain, faults.offset, faults.drift, faults.spike,
-        faults.plugged, faults.range_end))
-    return record
 
 
 def check_faults(faults: Faults, units: int) -> None:
-    """
-    Check names and values of the faults.
-
-    Raises
-    ------
-    InputError
-        With the fault, its value and the expected one.
-    """
+    """Check names and values of the faults; InputError names fault, value and expected one."""
     names = channel_names(units)
     for item in fields(faults):
         value = getattr(faults, item.name)

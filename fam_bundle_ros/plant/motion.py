@@ -55,34 +55,34 @@ class RigState:
 
     air: Air
     motion: LoadState
-    #: s since the start; the same at the last update of the effects' memory.
-    time: float
-    memory_time: float
     #: Delay line of the valve commands.
     line: DelayLine
-    #: N, force of the bundle; J, work done on the load.
-    force: float
-    work: float
-    #: RUNNING, OVER_PRESSURE or E_STOP; the motor unit that tripped and its pressure, Pa (gauge).
-    reason: int
-    tripped_unit: int
-    tripped_pressure: float
-    #: Slope of the residual in `solve_rate`, and whether backward Euler was used last.
-    gap_slope: float
-    steep: bool
     #: Work space: gauge pressures in the muscles, commands of the valves, commands of the rig,
     #: volumes.
     gauge: list[float] = field(repr=False)
     commands: list[float] = field(repr=False)
     wired: list[float] = field(repr=False)
     volume: list[float] = field(repr=False)
+    #: s since the start; the same at the last update of the effects' memory.
+    time: float = 0.0
+    memory_time: float = 0.0
+    #: N, force of the bundle; J, work done on the load.
+    force: float = 0.0
+    work: float = 0.0
+    #: RUNNING, OVER_PRESSURE or E_STOP; the motor unit that tripped and its pressure, Pa (gauge).
+    reason: int = RUNNING
+    tripped_unit: int = 0
+    tripped_pressure: float = 0.0
+    #: Slope of the residual in `solve_rate`, and whether backward Euler was used last.
+    gap_slope: float = -1.0
+    steep: bool = False
 
     @classmethod
     def at_rest(cls, air: Air, motion: LoadState) -> 'RigState':
         """Return the initial state of a rig."""
         n = len(air.pressure)
-        return cls(air, motion, 0.0, 0.0, DelayLine.empty(n), 0.0, 0.0, RUNNING, 0, 0.0, -1.0,
-                   False, [0.0] * n, [0.0] * n, [0.0] * n, [0.0] * n)
+        return cls(air, motion, DelayLine.empty(n), gauge=[0.0] * n, commands=[0.0] * n,
+                   wired=[0.0] * n, volume=[0.0] * n)
 
 
 def begin(rig: Any, model: Any, state: Any) -> None:
@@ -125,10 +125,9 @@ def set_valves(rig: Any, state: Any, commands: Any, faults: Any, time: float) ->
 
     A stopped rig exhausts; stuck valves do not move.
     """
-    late = rig.air.delay > 0.0
-    if late:
+    if rig.air.delay > 0.0:
         read_held(state.line, time - rig.air.delay, state.commands)
-    if not late:
+    else:
         for i in range(len(commands)):
             state.commands[i] = commands[i]
     wired = state.wired

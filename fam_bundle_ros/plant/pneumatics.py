@@ -165,11 +165,6 @@ def linearise(pressure: float, volume: float, supply: float,
         time_constant(1.0), time_constant(-1.0), valve.natural_frequency, valve.damping)
 
 
-def _edge(b: float) -> float:
-    """Return the flow factor where the linear region begins."""
-    return math.sqrt(1.0 - ((LAMINAR_RATIO - b) / (1.0 - b)) ** 2)
-
-
 def fastest_rise(start: float, end: float, volume: float, supply: float,
                  valve: ValveFlow = DEFAULT_VALVE, ambient: float = ATMOSPHERE,
                  exponent: float = POLYTROPIC) -> float:
@@ -203,11 +198,13 @@ def fastest_rise(start: float, end: float, volume: float, supply: float,
     source = supply + ambient
     ratios = ((start + ambient) / source, (end + ambient) / source)
     rate = exponent * RT / volume * valve.conductance * REFERENCE_DENSITY
+    # Flow factor where the linear region begins.
+    edge = math.sqrt(1.0 - ((LAMINAR_RATIO - b) / (1.0 - b)) ** 2)
 
     def elapsed(r: float) -> float:
         choked = min(r, b)
         ellipse = (1.0 - b) * math.asin((min(max(r, b), LAMINAR_RATIO) - b) / (1.0 - b))
-        linear = (1.0 - LAMINAR_RATIO) / _edge(b) * math.log(
+        linear = (1.0 - LAMINAR_RATIO) / edge * math.log(
             (1.0 - LAMINAR_RATIO) / (1.0 - max(r, LAMINAR_RATIO)))
         return (choked + ellipse + linear) / rate
 

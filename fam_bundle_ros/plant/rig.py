@@ -21,7 +21,7 @@ from fam_bundle_ros.model.parts import SensorError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE
 from fam_bundle_ros.plant.checks import require
 from fam_bundle_ros.plant.circuit import Air, AirBalance, AirConfig
-from fam_bundle_ros.plant.faults import fault_record, FaultRecord, Faults
+from fam_bundle_ros.plant.faults import fault_record, Faults
 from fam_bundle_ros.plant.loads import Dynamometer, Load
 from fam_bundle_ros.plant.motion import (
     begin,
@@ -210,7 +210,7 @@ class Rig:
         self.shown = SensorState.fresh(n + PRESSURE)
         self.draws = Draws(self._seed, n + PRESSURE)
         self._e_stop_reason = ''
-        self._broken = self._faults()
+        self._look_at_faults()
         self._read()
 
     @property
@@ -242,7 +242,12 @@ class Rig:
     @property
     def e_stopped(self) -> str:
         """Reason of the stop; empty while the rig runs."""
-        return stop_text(self.state, self.bundle, self.config, self._e_stop_reason)
+        state = self.state
+        if state.reason == OVER_PRESSURE:
+            return (f'{self.bundle.names[state.tripped_unit]} at '
+                    f'{state.tripped_pressure / 1e3:.0f} kPa, above the trip of '
+                    f'{self.config.trip_pressure / 1e3:.0f} kPa')
+        return self._e_stop_reason if state.reason == E_STOP else ''
 
     def step(self, valve_commands: Sequence[float], duration: float) -> Readings:
         """
@@ -267,7 +272,7 @@ class Rig:
         commands = self._checked(valve_commands)
         if not 0.0 < duration < math.inf:
             raise InputError(f'duration is {duration!r} s; expected a positive number')
-        self._broken = self._faults()
+        self._look_at_faults()
         rig_step(self.record, self._load, self.model, self.state, commands, self._broken,
                  duration)
         for unit, position in self.faults.stuck_valve.items():
@@ -351,13 +356,12 @@ class Rig:
         self.state.reason, self.state.air.dumping = RUNNING, False
         return True
 
-    def _faults(self) -> FaultRecord:
-        """Return the record of the present faults; updated when they have changed."""
+    def _look_at_faults(self) -> None:
+        """Update the record of the faults if they have changed."""
         if self._known != self.faults:
             self._known = copy.deepcopy(self.faults)
             self._broken = fault_record(self.faults, self.bundle.pneumatics.leak_rate,
                                         self.bundle.n)
-        return self._broken
 
     def _true(self) -> list[float]:
         """Return the true value of every channel."""
@@ -393,11 +397,3 @@ def changed_load(load: Load, changes: dict[str, float]) -> Load:
     except TypeError as error:
         raise InputError(f'{type(load).__name__} cannot change '
                          f"{', '.join(changes)}") from error
-
-
-def stop_text(state: Any, plant: Any, config: RigConfig, e_stop_reason: str) -> str:
-    """Return the reason of a stop as text; empty while the rig runs."""
-    if state.reason == OVER_PRESSURE:
-        return (f'{plant.names[state.tripped_unit]} at {state.tripped_pressure / 1e3:.0f} kPa, '
-                f'above the trip of {config.trip_pressure / 1e3:.0f} kPa')
-    return e_stop_reason if state.reason == E_STOP else ''

@@ -160,20 +160,11 @@ class SensorState:
     shown: list[float]
     #: The same without faults.
     sound: list[float]
-    #: 1/s; nan without a strain reading.
-    strain_rate: float
-    #: State of the rate's filter, 1/s; last strain reading and its time.
-    filtered: float
-    last_strain: float
-    last_time: float
-    #: N, subtracted from the force reading.
-    tare: float
-    #: Instruments with lag or delay: output of the lag; output of both; last true values and their
-    #: time, s; delay line.
+    #: Instruments with lag or delay: output of the lag; output of both; last true values; delay
+    #: line.
     lagged: list[float]
     late: list[float]
     before: list[float]
-    felt_at: float
     line: DelayLine
     #: Faults: delay line of readings without faults; start of a drift or of spikes of a channel,
     #: s, nan without them; number of spikes.
@@ -183,14 +174,28 @@ class SensorState:
     #: Noise of the last sample; reading at which a plugged channel stays, nan for none.
     noise: list[float]
     plugged: list[float]
+    #: s, time of the last true values.
+    felt_at: float = math.nan
+    #: 1/s; nan without a strain reading.
+    strain_rate: float = math.nan
+    #: State of the rate's filter, 1/s; last strain reading and its time.
+    filtered: float = 0.0
+    last_strain: float = math.nan
+    last_time: float = math.nan
+    #: N, subtracted from the force reading.
+    tare: float = 0.0
 
     @classmethod
     def fresh(cls, channels: int) -> 'SensorState':
         """Return the initial state, without readings."""
-        return cls([math.nan] * channels, [math.nan] * channels, math.nan, 0.0, math.nan,
-                   math.nan, 0.0, [0.0] * channels, [0.0] * channels, [0.0] * channels, math.nan,
-                   DelayLine.empty(channels), DelayLine.empty(channels), [math.nan] * channels,
-                   [0.0] * channels, [0.0] * channels, [math.nan] * channels)
+        def zero() -> list[float]:
+            return [0.0] * channels
+
+        def none() -> list[float]:
+            return [math.nan] * channels
+        return cls(shown=none(), sound=none(), lagged=zero(), late=zero(), before=zero(),
+                   line=DelayLine.empty(channels), held_up=DelayLine.empty(channels),
+                   since=none(), spikes=zero(), noise=zero(), plugged=none())
 
 
 def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, normal: Any,

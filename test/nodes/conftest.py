@@ -10,16 +10,20 @@ import pytest
 
 pytest.importorskip('rclpy', reason='rclpy is not installed')
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
+from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.resources import config_path
 
 from .board import Pty, Tcp
 from .whole_bundle import hold
@@ -70,6 +74,15 @@ class Graph:
         self.probe.create_subscription(kind, topic, messages.append, qos)
         return messages
 
+    def diagnostics(self, node):
+        """Return the list into which the states of a node on /diagnostics go."""
+        states = []
+
+        def take(message):
+            states.extend(each for each in message.status if each.name == f'bundle/{node}')
+        self.probe.create_subscription(DiagnosticArray, '/diagnostics', take, interface.LOCK_STEP)
+        return states
+
     def spin(self, seconds=0.02):
         if self.spinner is None:
             self.spinner = Spinner(self.context, [self.probe, *self._nodes])
@@ -113,6 +126,10 @@ class Graph:
         self.probe.destroy_client(client)
         return future.result()
 
+    def enable(self, on=True):
+        """Call the service `enable` and return the answer."""
+        return self.call(SetBool, 'enable', SetBool.Request(data=on))
+
     def set(self, node, **values):
         """Set parameters of a node by service; return the results."""
         parameters = [Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
@@ -148,6 +165,12 @@ class Graph:
         if self.spinner is None:
             self.spin(0.0)
         self.spinner.close()
+
+
+@pytest.fixture(scope='session')
+def paper_bundle():
+    """Return the bundle of the paper."""
+    return load_model(config_path('models/spie2021.yaml'))
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A serial_rig with its board and a controller that answers its pressures."""
 
-from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 
 pytest.importorskip('serial', reason='pyserial is not installed')
@@ -13,6 +12,8 @@ from std_srvs.srv import Trigger
 
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.serial_rig import SerialRig
+
+from .whole_bundle import values_of
 
 #: A machine that is busy with other tests is not what most of these are about.
 PATIENT = {'board_timeout': 10.0, 'command_timeout': 5.0}
@@ -28,7 +29,7 @@ class Loop:
         self.rig = graph.add(SerialRig(context=graph.context, overrides={
             'url': board.port.url, 'units': board.units, 'start_stopped': False,
             'reconnect_interval': 0.1, **PATIENT, **overrides}))
-        self.diagnostics = graph.listen('/diagnostics', DiagnosticArray)
+        self.states = graph.diagnostics('serial_rig')
         self.stops = graph.listen('e_stop', Bool, interface.LATCHED)
         self.pressure = {}
         for unit in self.valves:
@@ -73,18 +74,12 @@ class Loop:
 
     def status(self, text=''):
         """Return diagnostics of now, once a message or value says a text."""
-        def find():
-            for message in reversed(self.diagnostics):
-                status = message.status[0]
-                if status.name == 'bundle/serial_rig':
-                    values = {pair.key: pair.value for pair in status.values}
-                    return status, values
-            return None
-        self.diagnostics.clear()
+        self.states.clear()
 
         def says():
             self.rig._diagnostics.publish()
             self.graph.spin()
-            return find() and text in ' '.join((find()[0].message, *find()[1].values()))
+            return self.states and text in ' '.join((self.states[-1].message,
+                                                     *values_of(self.states[-1]).values()))
         self.until(says, f'diagnostics: {text}')
-        return find()
+        return self.states[-1], values_of(self.states[-1])

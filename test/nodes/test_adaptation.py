@@ -11,8 +11,9 @@ from std_srvs.srv import Trigger
 from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.profile import Points
-from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.resources import config_path
+
+from .conftest import added
 
 
 @pytest.fixture
@@ -31,9 +32,9 @@ def learnt(graph, quiet, tmp_path, monkeypatch):
                 **quiet, 'plant_model': str(tmp_path / 'strong.yaml'), 'lock_step': True,
                 'wait_for_reference': True, 'start_enabled': True, 'monitor': False, **overrides},
             simulator={'script': graph.pacer}, generator={'profile': ramps})
-        graph.add(*nodes)
-        graph.advance(nodes[-1], 3.0)
-        return next(node for node in nodes if isinstance(node, RecruitmentNode))
+        rig, node = added(graph, nodes)
+        graph.advance(rig, 3.0)
+        return node
     return start
 
 

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a controller waits for before it brings pressure: enable, the stop, and a new reference."""
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import pytest
 from std_msgs.msg import Bool, UInt8
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 import yaml
 
 from fam_bundle_ros.nodes import interface
@@ -19,11 +18,11 @@ def test_switching_on_and_off_makes_no_jump(graph, bundle):
     """Off: pressures ramp down; on again: from the pressures as they are."""
     rig, node = bundle(hold(60.0))
     graph.advance(rig, 1.0)
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=False)).success
+    assert graph.enable(False).success
     graph.advance(rig, 0.1)
     assert 100e3 < rig.rig.truth.pressure[0] < 250e3
     at = rig.rig.truth.pressure[0]
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert graph.enable().success
     graph.advance(rig, 0.005)
     graph.advance(rig, 0.005)
     assert node.setpoints[0] == pytest.approx(at, abs=25e3)
@@ -39,7 +38,7 @@ def test_waits_for_enable_and_for_a_reference(graph, bundle):
     assert node._guard.word == 'OFF'
     assert states[0].data == 0
     assert rig.rig.truth.pressure.max() < 1e3
-    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.enable()
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
@@ -50,20 +49,20 @@ def test_emergency_stop_needs_enable_to_go_on(graph, bundle):
     graph.advance(rig, 0.5)
     graph.call(Trigger, 'e_stop_trigger')
     graph.until(lambda: node._oversight.e_stop.on, 'the stop')
-    assert not graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert not graph.enable().success
     graph.advance(rig, 0.3)
     graph.call(Trigger, 'e_stop_reset')
     graph.until(lambda: not node._oversight.e_stop.on, 'the reset')
     graph.advance(rig, 0.3)
     assert rig.rig.truth.pressure.max() < 5e3
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert graph.enable().success
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
 
 def disable(graph, node):
     """Switch off by hand."""
-    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.enable(False)
 
 
 def stop(graph, node):
@@ -98,11 +97,10 @@ def test_old_reference_never_comes_back(graph, live, event):
     publisher.publish(interface.force_message(1, 60.0))
     graph.until(lambda: node._references.meter.last is not None, 'the reference')
     # One from before the first enable counts; refused while a reading has not come yet.
-    graph.until(lambda: graph.call(SetBool, 'enable', SetBool.Request(data=True)).success,
-                'enable')
+    graph.until(lambda: graph.enable().success, 'enable')
     graph.until(lambda: rig.rig.truth.force > 40.0, 'force')
     event(graph, node)
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert graph.enable().success
     graph.until(lambda: rig.rig.truth.pressure.max() < 5e3, 'vented')
     graph.spin(0.5)
     assert rig.rig.truth.pressure.max() < 5e3
@@ -120,7 +118,7 @@ def test_rig_yaml_asks_for_references_that_keep_coming():
 def test_stop_of_one_button_is_not_taken_back_by_another(graph, live):
     """While two publish e_stop, a False may come from the one that knows of no stop."""
     _, node = live()
-    seen = graph.listen('/diagnostics', DiagnosticArray)
+    states = graph.diagnostics('recruitment_controller')
     button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
     graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 2
                 and button.get_subscription_count() >= 3, 'the button')
@@ -128,14 +126,14 @@ def test_stop_of_one_button_is_not_taken_back_by_another(graph, live):
     graph.until(lambda: node._oversight.e_stop.on, 'the stop')
     assert graph.call(Trigger, 'e_stop_reset').success
     graph.until(lambda: node._oversight.e_stop.doubt, 'the False of the rig')
-    answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    answer = graph.enable()
     assert not answer.success
     assert '2 publishers on e_stop' in answer.message
-    graph.until(lambda: any('2 publishers on e_stop' in m.status[0].message
-                            and m.status[0].level == b'\x02' for m in seen), 'diagnostics')
+    graph.until(lambda: any('2 publishers on e_stop' in state.message
+                            and state.level == b'\x02' for state in states), 'diagnostics')
     # With one publisher it says what it says.
     graph.probe.destroy_publisher(button)
     graph.until(lambda: graph.probe.count_publishers('/bundle/e_stop') == 1, 'one publisher')
     graph.call(Trigger, 'e_stop_reset')
     graph.until(lambda: not node._oversight.e_stop.on, 'the reset')
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert graph.enable().success

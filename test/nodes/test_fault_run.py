@@ -8,21 +8,13 @@ import pytest
 from fam_bundle_ros.benchmarks import faults
 from fam_bundle_ros.benchmarks.fault_verdicts import judge, Limits
 from fam_bundle_ros.benchmarks.faults import Case, ONSET
-from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import fault_processes
 from fam_bundle_ros.nodes.fault_run import run_with_faults
 from fam_bundle_ros.nodes.session import run_trajectory
 from fam_bundle_ros.plant import Dynamometer, Faults, RigConfig, SensorConfig
-from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
 IDEAL = RigConfig(sensors=SensorConfig.ideal())
-
-
-@pytest.fixture(scope='module')
-def paper_bundle():
-    """Return the bundle of the paper."""
-    return load_model(config_path('models/spie2021.yaml'))
 
 
 @pytest.mark.parametrize('broken', [Faults(burst={0}), Faults(supply=0.0, stuck_valve={0: 1.0})],

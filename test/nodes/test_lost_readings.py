@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings that are lost or not believed: held, vented, and what brings pressure back."""
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
-from std_srvs.srv import SetBool
 
 from fam_bundle_ros.control.safety import Change, State
 from fam_bundle_ros.nodes import interface
@@ -43,7 +41,7 @@ def test_lost_sensor_holds_then_vents_then_recovers(graph, bundle, fault, reason
 def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_within, lost):
     """Sensors that come back when nobody expects it any more bring no pressure with them."""
     rig, node = bundle(hold(60.0), resume_within=resume_within)
-    seen = graph.listen('/diagnostics', DiagnosticArray)
+    states = graph.diagnostics('recruitment_controller')
     graph.advance(rig, 0.6)
     graph.set('plant_simulator', faults__silent='force')
     graph.advance(rig, lost)
@@ -52,13 +50,10 @@ def test_after_a_long_loss_pressure_waits_for_enable(graph, bundle, resume_withi
     graph.advance(rig, 0.7)
     assert rig.rig.truth.pressure.max() < 5e3
     assert node._guard.word == 'LOST'
-
-    def status():
-        return [m.status[0] for m in seen if m.status[0].name == 'bundle/recruitment_controller']
     text = f'vented for {resume_within:g} s in all: off until enabled again'
-    graph.until(lambda: text in status()[-1].message, 'diagnostics')
-    assert status()[-1].level == b'\x02'
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    graph.until(lambda: text in states[-1].message, 'diagnostics')
+    assert states[-1].level == b'\x02'
+    assert graph.enable().success
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
 
@@ -79,12 +74,12 @@ def test_enable_once_more_does_not_put_off_a_latch(graph, bundle):
     """Whoever calls it again and again does not keep the watches from counting."""
     rig, node = bundle(hold(60.0), resume_within=0.6)
     graph.advance(rig, 0.6)
-    answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    answer = graph.enable()
     assert (answer.success, answer.message) == (True, 'on already: ACTIVE')
     graph.set('plant_simulator', faults__nan='force')
     for _ in range(4):
         graph.advance(rig, 0.2)
-        graph.call(SetBool, 'enable', SetBool.Request(data=not node._guard.latched))
+        graph.enable(not node._guard.latched)
     assert node._guard.word == 'LOST'
 
 
@@ -115,7 +110,7 @@ def test_stuck_strain_is_found_where_it_must_move_and_left_by_enable(graph, bund
     graph.advance(rig, lambda: node._guard.word == 'FROZEN', 'the watch')
     assert 'strain has shown exactly 0.1' in node._guard.now.reason
     graph.advance(rig, 0.5)
-    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.enable()
     graph.advance(rig, lambda: rig.rig.truth.force > 60.0, 'force', 1.0)
 
 
@@ -168,6 +163,6 @@ def test_burst_muscle_is_latched_by_all(graph, bundle):
     graph.set('plant_simulator', faults__leak='')
     graph.advance(rig, 0.6)
     assert rig.rig.truth.pressure.max() < 5e3
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert graph.enable().success
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)

@@ -29,23 +29,16 @@ from fam_bundle_ros.data.protocol import (
 )
 from fam_bundle_ros.discovery import Choices, compare, diagnose
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import load_model, Motion
+from fam_bundle_ros.model import Motion
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.measuring import measure, Measuring, Stopped, with_room
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.protocol_run import ProtocolRun
 from fam_bundle_ros.nodes.sensing import Sample
-from fam_bundle_ros.resources import config_path
 
 ISOBARS = Sweep((0.05, 0.15), 0.2, ((100e3, 0.0), (300e3, 0.0), (300e3, 150e3)))
 SHORT = Protocol('short', 2, (ISOBARS,), settle=0.3, travel=0.5)
-
-
-@pytest.fixture(scope='module')
-def paper_bundle():
-    """Return the bundle of the paper."""
-    return load_model(config_path('models/spie2021.yaml'))
 
 
 def one_muscle(bundle, effect=None):
@@ -152,7 +145,7 @@ def test_a_sample_that_comes_twice_is_answered_twice_and_kept_once(ros_context, 
     node.started = True
     node._ask_pressures = lambda stamp, pressure: sent.append(stamp)
     for stamp in (5, 5, 10):
-        node._on_sample(Sample(stamp * 10**6, 1.0, 0.05, 0.0, [0.0, 0.0], {}))
+        node._on_sample(Sample(stamp * 10**6, 1.0, 0.05, 0.0, [0.0, 0.0]))
     node.destroy_node()
     assert [seen.time for seen in steps] == pytest.approx([3.0, 3.005])
     assert [stamp // 10**6 for stamp in sent] == [5, 5, 10]

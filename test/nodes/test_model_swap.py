@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
-from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.resources import config_path
+
+from .conftest import added
 
 PLAIN = 'models/spie2021_plain.yaml'
 #: N: friction of the rig that its model does not have.
@@ -23,16 +24,15 @@ FRICTION = f'coulomb_friction: {{force: {HIDDEN} N}}'
 
 
 @pytest.fixture
-def rig(graph, quiet):
-    """Return a bundle under a force that moves, on a dynamometer; friction is hidden in it."""
+def moving(graph, quiet):
+    """Return rig and controller, under a force that moves, on a dynamometer with friction."""
     nodes = make_nodes(graph.context, overrides={
         **quiet, 'model': PLAIN, 'sensors.force_noise': 0.5, 'lock_step': True,
         'wait_for_reference': True, 'start_enabled': True, 'monitor': False,
         'hidden_effect': FRICTION, 'repeat': True, 'trajectory': 'trajectories/live_force.yaml',
         'load.repeat': True, 'load.profile': 'trajectories/live_strain.yaml'},
         simulator={'script': graph.pacer})
-    graph.add(*nodes)
-    return nodes[-1]
+    return added(graph, nodes)
 
 
 def offer(graph, node, file, refusal=''):
@@ -49,12 +49,12 @@ def offer(graph, node, file, refusal=''):
     graph.probe.destroy_publisher(publisher)
 
 
-def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_path):
+def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, moving, tmp_path):
     """Setpoints go on where they were, the tracking error falls, and restore brings it back."""
+    rig, node = moving
     model = load_model(config_path(PLAIN))
     better = tmp_path / 'better.yaml'
     save_model(model.with_effect('coulomb_friction', force=HIDDEN).named('better'), better)
-    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
     graph.advance(rig, 0.2)
     assert not graph.call(Trigger, 'restore_model').success
     assert 'call diagnose first' in graph.call(Trigger, 'apply_model').message
@@ -98,12 +98,12 @@ def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, rig, tmp_p
     assert not graph.call(Trigger, 'restore_model').success
 
 
-def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, rig, tmp_path):
+def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, moving, tmp_path):
     """Another number of motor units, a file that is not there, the model of now."""
+    rig, node = moving
     model = load_model(config_path(PLAIN))
     one = tmp_path / 'one.yaml'
     save_model(Bundle('one', model.motor_units[:1], model.effects), one)
-    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
     graph.advance(rig, 0.2)
     for file, reason in ((one, 'motor units 1, here 2'), (tmp_path / 'no.yaml', 'no such file'),
                          (node.p['model'], 'in use already')):
@@ -116,22 +116,22 @@ def test_a_model_that_cannot_be_used_is_refused_and_the_old_one_stays(graph, rig
     assert node.bundle.name == 'spie2021_plain'
 
 
-def test_a_model_applied_while_it_is_off_is_used_from_the_pressures_as_they_are(graph, rig,
+def test_a_model_applied_while_it_is_off_is_used_from_the_pressures_as_they_are(graph, moving,
                                                                              tmp_path):
     """Setpoints of before, when it was on, do not come back when it is enabled."""
+    rig, node = moving
     model = load_model(config_path(PLAIN))
     better = tmp_path / 'better.yaml'
     save_model(model.with_effect('coulomb_friction', force=HIDDEN).named('better'), better)
-    node = next(n for n in graph._nodes if isinstance(n, RecruitmentNode))
     graph.advance(rig, 2.0)
     assert max(node.setpoints) > 1e5
     offer(graph, node, better)
     assert graph.call(Trigger, 'apply_model').success
     # before its next tick: what is to fade is that of a controller that was on
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=False)).success
+    assert graph.enable(False).success
     graph.advance(rig, 2.0)
     assert max(node.setpoints) == 0.0
-    assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+    assert graph.enable().success
     seen = graph.listen('mu1/pressure_setpoint', FluidPressure)
     graph.advance(rig, lambda: seen and node.command is not None, 'the first command')
     assert seen[-1].fluid_pressure - 101325.0 < 5e4

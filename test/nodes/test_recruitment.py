@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, UInt8
-from std_srvs.srv import SetBool
 
 from fam_bundle_ros.model import load_model, save_model
 from fam_bundle_ros.nodes import interface
@@ -71,13 +70,13 @@ def test_policy_and_model_change_while_it_runs(graph, bundle, tmp_path):
     assert not refused.successful
     assert 'only while the controller is off' in refused.reason
     assert node.bundle.name == 'spie2021'
-    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.enable(False)
     longer = tmp_path / 'longer.yaml'
     longer.write_text(better.read_text().replace('127 mm', '130 mm'))
     refused = graph.set('recruitment_controller', model=str(longer))[0]
     assert 'the length 0.13, here 0.127: restart all nodes' in refused.reason
     assert graph.set('recruitment_controller', model=str(better))[0].successful
-    graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    graph.enable()
     assert node.bundle.name == 'better'
     refused = graph.set('recruitment_controller', model='/nowhere.yaml')[0]
     assert not refused.successful

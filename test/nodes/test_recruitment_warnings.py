@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the recruitment node refuses, warns of, and tells of its decision."""
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 
-from .whole_bundle import hold, warnings_of
+from .whole_bundle import hold, values_of, warnings_of
 
 
 def test_reference_that_is_no_number_is_refused(graph, quiet):
@@ -115,16 +114,11 @@ def test_strain_reference_that_cannot_be_meant_is_refused(graph, names, position
 def test_diagnostics_explain_the_decision(graph, bundle):
     """State, margins, policy and rates are there for rqt."""
     rig, _ = bundle(hold(60.0))
-    seen = graph.listen('/diagnostics', DiagnosticArray)
+    states = graph.diagnostics('recruitment_controller')
     graph.advance(rig, 0.5)
-
-    def mine():
-        said = [{v.key: v.value for v in m.status[0].values} for m in seen
-                if m.status[0].name == 'bundle/recruitment_controller']
-        # the first one may be from before the first sample
-        return [values for values in said if 'recruitment' in values]
-    graph.until(mine, 'diagnostics')
-    values = mine()[-1]
+    # the first one may be from before the first sample
+    graph.until(lambda: states and 'recruitment' in values_of(states[-1]), 'diagnostics')
+    values = values_of(states[-1])
     assert values['recruitment'] == 'RS1'
     first = np.array([rig.rig.bundle.max_pressure[0], 0.0])
     most = rig.rig.bundle.force(rig.rig.truth.strain, first)

@@ -3,7 +3,6 @@
 """Reference generator and model monitor."""
 
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
@@ -129,7 +128,7 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     graph.add(*nodes)
     rig = nodes[-1]
     residuals = graph.listen('model/residual', WrenchStamped)
-    diagnostics = graph.listen('/diagnostics', DiagnosticArray)
+    states = graph.diagnostics('model_monitor')
     monitor = next(n for n in nodes if isinstance(n, ModelMonitor))
     graph.advance(rig, lambda: not monitor.watch.holding.holds, 'an alarm', 40.0)
     values = np.array([m.wrench.force.x for m in residuals[100:]])
@@ -137,11 +136,7 @@ def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     assert floor == pytest.approx(0.5, rel=0.3)
     without = np.sqrt(np.mean(values ** 2))
     assert without > 4 * floor
-
-    def text():
-        return [m.status[0].message for m in diagnostics
-                if m.status[0].name.endswith('model_monitor')]
-    graph.until(lambda: text() and 'no longer holds' in text()[-1], 'the warning')
+    graph.until(lambda: states and 'no longer holds' in states[-1].message, 'the warning')
     # up and down once: of what came since the model failed only two averages are in the memory
     graph.advance(rig, 2.0)
     assert graph.call(Trigger, 'diagnose').success

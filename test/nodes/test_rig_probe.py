@@ -12,22 +12,14 @@ from sensor_msgs.msg import FluidPressure
 
 from fam_bundle_ros.cli.rig_commands import check_rig
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import load_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.known import refuse_unknown
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.rig_hand import Hand, Session
 from fam_bundle_ros.nodes.rig_probe import probe_rig
-from fam_bundle_ros.resources import config_path
 
 SUPPLY = 120e3
-
-
-@pytest.fixture(scope='module')
-def bundle():
-    """Return the bundle of the paper."""
-    return load_model(config_path('models/spie2021.yaml'))
 
 
 @pytest.fixture
@@ -47,10 +39,10 @@ def failed(probe):
     return [f'{finding.what}: {finding.detail}' for finding in probe.findings if not finding.ok]
 
 
-def test_a_rig_is_probed(simulator, bundle, domain_id, tmp_path):
+def test_a_rig_is_probed(simulator, paper_bundle, domain_id, tmp_path):
     """A sound rig gives a file that controllers start from; each fault is named, and vents."""
     def probe():
-        return probe_rig(bundle, SUPPLY, domain=domain_id, patience=15.0)
+        return probe_rig(paper_bundle, SUPPLY, domain=domain_id, patience=15.0)
     simulator()
     written, told = tmp_path / 'rig.yaml', tmp_path / 'found.json'
     check_rig('bundle', 0.5, 'spie2021', active=True, supply='120 kPa', yes=True, out=written,
@@ -78,7 +70,7 @@ def test_a_rig_is_probed(simulator, bundle, domain_id, tmp_path):
     # mu1's command goes to mu2's valve, which is in order; the other way it is reversed.
     assert_says(probe(), 'mu1 valve: reversed', 'mu2 valve: commanded to fill')
     with pytest.raises(InputError, match='supply is 600 kPa; expected a low one'):
-        probe_rig(bundle, 600e3, domain=domain_id)
+        probe_rig(paper_bundle, 600e3, domain=domain_id)
 
 
 def assert_says(probe, *words):

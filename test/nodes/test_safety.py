@@ -12,7 +12,6 @@ from geometry_msgs.msg import WrenchStamped
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, String
-from std_srvs.srv import SetBool
 import yaml
 
 from fam_bundle_ros.control.plausibility import GENTLE
@@ -114,7 +113,7 @@ def rig(graph):
         rig.node = graph._nodes[-1]
         if enable:
             graph.until(lambda: not rig.node._oversight.refusal(), 'a bundle that can be enabled')
-            assert graph.call(SetBool, 'enable', SetBool.Request(data=True)).success
+            assert graph.enable().success
         return rig
     return begin
 
@@ -126,7 +125,7 @@ def sine(time):
 
 def enabled(graph):
     """Ask for enable; return success and message."""
-    answer = graph.call(SetBool, 'enable', SetBool.Request(data=True))
+    answer = graph.enable()
     return answer.success, answer.message
 
 
@@ -349,7 +348,7 @@ def test_an_emergency_stop_stays_in_log_and_diagnostics(graph, rig, capfd):
     assert 'OFF since an emergency stop, until enabled again' in said(rig.node)
     assert capfd.readouterr().err.count('emergency stop: vented; off until enabled again') == 1
     graph.until(lambda: enabled(graph)[0], 'enable')
-    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.enable(False)
     graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
     assert 'emergency stop' not in said(rig.node)
 
@@ -459,7 +458,7 @@ def test_limits_are_not_raised_while_it_acts(graph, rig):
     for changes in ({'quiet_error': 50e3}, {'transport_delay': 0.5}):
         assert 'is a limit' in graph.set('pressure_pid_mu1', **changes)[0].reason
     assert not graph.set('recruitment_controller', reference_timeout=0.0)[0].successful
-    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.enable(False)
     graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
     assert graph.set('recruitment_controller', over_pressure_factor=1.2)[0].successful
 
@@ -477,7 +476,7 @@ def test_parameters_that_take_long_to_apply_wait_until_it_is_off(graph, rig):
                      outer__still=0.3, policy='hysteresis', feedback=False)[0].successful
     graph.spin(0.3)
     assert rig.node._guard.word == 'ACTIVE'
-    graph.call(SetBool, 'enable', SetBool.Request(data=False))
+    graph.enable(False)
     graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
     assert graph.set('recruitment_controller', load_model__inertia=0.3)[0].successful
     assert rig.node.controller.config.load.inertia == 0.3

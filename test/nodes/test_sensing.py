@@ -18,7 +18,7 @@ from fam_bundle_ros.nodes.diagnostics import Report
 
 def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
     """A process that was held up: calls ahead of time would be missing for a second after it."""
-    node, samples, calls = BundleNode('rig', sensing.SPECS, context=graph.context), [], []
+    node, samples, calls = BundleNode('rig', LISTENER, context=graph.context), [], []
     graph.add(node)
     heard = sensing.Sensing(node, 1, 0.1, samples.append)
     node.every(0.1, lambda: calls.append(time.monotonic()))
@@ -36,7 +36,7 @@ def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
 @pytest.mark.parametrize('velocity', [[], [math.nan], [math.inf], [-math.inf], [100.0], [-1.1]])
 def test_a_velocity_that_no_muscle_has_is_as_good_as_none(graph, velocity):
     """The strain is differentiated then, and the log says why: mm/s for a position in m?"""
-    node = graph.add(BundleNode('rig', (*sensing.SPECS, *LISTENER), context=graph.context))
+    node = graph.add(BundleNode('rig', LISTENER, context=graph.context))
     heard = sensing.Sensing(node, 1, 0.1, lambda sample: None)
     for k in range(20):
         message = JointState(name=['contraction'], position=[1e-3 * k], velocity=velocity)
@@ -50,7 +50,7 @@ def test_a_velocity_that_no_muscle_has_is_as_good_as_none(graph, velocity):
 @pytest.mark.parametrize('velocity', [[], [100.0]])
 def test_a_strain_that_moves_faster_than_any_muscle_is_no_reading(graph, velocity):
     """Percent for a ratio: near zero each reading is one that a muscle may have."""
-    node = graph.add(BundleNode('rig', (*sensing.SPECS, *LISTENER), context=graph.context))
+    node = graph.add(BundleNode('rig', LISTENER, context=graph.context))
     heard = sensing.Sensing(node, 1, 0.1, lambda sample: None)
 
     def strains(step):
@@ -83,7 +83,7 @@ def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):
 @pytest.mark.parametrize(('rate', 'slow'), [(200.0, True), (10.0, False)])
 def test_a_driver_that_is_far_slower_than_its_parameter_is_told(graph, rate, slow):
     """At 20 readings a second at most, which every second interval of `rate` would miss."""
-    node = graph.add(BundleNode('rig', (*sensing.SPECS, *LISTENER), context=graph.context,
+    node = graph.add(BundleNode('rig', LISTENER, context=graph.context,
                                 overrides={'rate': rate}))
     heard, report = sensing.Sensing(node, 1, 0.1, lambda sample: None), Report()
     for _ in range(8):

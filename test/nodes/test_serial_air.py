@@ -3,8 +3,6 @@
 """Who lets air into a rig on a serial line, and what takes it away."""
 
 import signal
-import subprocess
-import sys
 
 import pytest
 from sensor_msgs.msg import JointState
@@ -22,14 +20,14 @@ def test_error_while_a_line_is_read_stops_the_rig_and_not_the_process(graph, por
     loop = Loop(graph, FakeBoard(port))
     loop.valves = {1: 0.25, 2: 0.25}
     loop.until(lambda: loop.board.valves == [250, 250] and loop.board.supply, 'the command')
-    readings = loop.rig._scales.readings
+    in_si = loop.rig._scales.in_si
 
     def broken(sample):
         raise ZeroDivisionError('no such scale')
-    loop.rig._scales.readings = broken
+    loop.rig._scales.in_si = broken
     loop.until(lambda: loop.board.valves == [-1000, -1000] and not loop.board.supply, 'the vent')
     loop.status('ZeroDivisionError: no such scale')
-    loop.rig._scales.readings = readings
+    loop.rig._scales.in_si = in_si
     count = len(loop.pressure[1])
     loop.until(lambda: len(loop.pressure[1]) > count, 'readings again')
 
@@ -148,14 +146,11 @@ def test_over_pressure_stops_the_rig(graph, port, cause):
     assert loop.reset().success
 
 
-def test_last_line_of_a_process_vents(graph, port):
+def test_last_line_of_a_process_vents(graph, port, start):
     """Ctrl-C: the board hears stop, the status is 0."""
     board = FakeBoard(port, units=1)
-    process = subprocess.Popen(
-        [sys.executable, '-c', 'import sys; from fam_bundle_ros.nodes.serial_rig import main; '
-         'sys.argv[0] = "serial_rig"; sys.exit(main())', '--ros-args', '-p', f'url:={port.url}',
-         '-p', 'units:=1', '-p', 'start_stopped:=false'],
-        stderr=subprocess.PIPE, text=True)
+    process = start('serial_rig', '--ros-args', '-p', f'url:={port.url}', '-p', 'units:=1',
+                    '-p', 'start_stopped:=false')
     graph.probe.every(0.005, board.step)
     graph.until(lambda: len(board.heard) > 5, 'commands')
     assert board.heard[-1][3] == 0

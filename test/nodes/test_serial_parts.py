@@ -9,8 +9,7 @@ import pytest
 pytest.importorskip('rclpy', reason='rclpy is not installed')
 
 from fam_bundle_ros.nodes.air import Air, Order
-from fam_bundle_ros.nodes.board import Board, Talk
-from fam_bundle_ros.nodes.board_clock import BoardClock, DRIFT
+from fam_bundle_ros.nodes.board import Board, BoardClock, DRIFT, Talk
 from fam_bundle_ros.nodes.serial_protocol import (
     BoardSample,
     command_line,

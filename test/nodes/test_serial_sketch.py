@@ -16,7 +16,6 @@ import yaml
 
 pytest.importorskip('serial', reason='pyserial is not installed')
 
-from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
@@ -192,7 +191,7 @@ def test_sketch_and_serial_rig_speak_with_each_other(graph, sketch):
     graph.add(SerialRig(context=graph.context, overrides={
         'url': sketch.url, 'start_stopped': False, 'board_timeout': 10.0}))
     pressure = graph.listen('mu2/pressure', FluidPressure)
-    seen = graph.listen('/diagnostics', DiagnosticArray)
+    states = graph.diagnostics('serial_rig')
     valves = [graph.probe.create_publisher(JointState, f'mu{i}/valve_command', 10)
               for i in (1, 2)]
     enable = graph.probe.create_publisher(Bool, 'supply_enable', 10)
@@ -207,7 +206,7 @@ def test_sketch_and_serial_rig_speak_with_each_other(graph, sketch):
     beat.cancel()
     graph.until(lambda: pressure[-1].fluid_pressure < 110e3, 'the vent')
     graph.until(lambda: any('nothing on supply_enable for 0.5 s' in pair.value
-                            for message in seen for pair in message.status[0].values), 'why')
+                            for state in states for pair in state.values), 'why')
 
 
 def test_page_has_every_parameter(page):

@@ -244,7 +244,9 @@ def test_one_process_gives_what_six_give(domain_id):
                 break
         missing = [t for t in Hasher.TOPICS if not hasher.count_publishers(t)]
         # Nothing moves without a reference: this begins the run.
-        spinner.add(ReferenceGenerator(context=context, profile=profile, overrides=parameters))
+        generator = ReferenceGenerator(context=context, profile=profile, overrides=parameters)
+        spinner.nodes.append(generator)
+        spinner.executor.add_node(generator)
         for _ in range(300):
             spinner.spin(0.1)
             if hasher.done():
@@ -366,7 +368,7 @@ def test_check_rig_shows_latency_and_whether_the_clocks_agree(latency, verdict, 
 ])
 def test_check_rig_tells_gauge_from_absolute_and_from_kpa(pressure, gauge, verdict, text):
     """A gauge driver that is set up as one passes; what rest does not show is left to you."""
-    found = _judge_values('mu1/pressure', np.full(50, pressure), 101325.0, gauge)
+    found = _judge_values('mu1/pressure', np.full(50, pressure), gauge)
     assert found.verdict == verdict
     assert text in found.detail
     assert ('pressure_is_gauge' in found.detail) == (text in ('pressure_is_gauge',
@@ -376,7 +378,7 @@ def test_check_rig_tells_gauge_from_absolute_and_from_kpa(pressure, gauge, verdi
 def test_check_rig_leaves_a_force_and_a_strain_at_rest_to_you():
     """Near zero neither unit nor sign can be told; further off both can."""
     for name, rest, work, wrong in (('force', 2.0, 80.0, -80.0), ('strain', 0.0, 0.1, 12.0)):
-        verdicts = [_judge_values(name, np.full(50, value), 101325.0, False).verdict
+        verdicts = [_judge_values(name, np.full(50, value), False).verdict
                     for value in (rest, work, wrong)]
         assert verdicts == ['note', 'note' if name == 'force' else 'ok', 'FAIL']
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the tests of a whole bundle say to it and hear of it."""
 
-from diagnostic_msgs.msg import DiagnosticArray
-
 from fam_bundle_ros.nodes.profile import Points
 
 
@@ -12,11 +10,13 @@ def hold(force):
     return Points('hold', 'force', (0.0,), (force,))
 
 
-def warnings_of(graph, node='bundle/recruitment_controller'):
-    """Return a function: whether a node's newest diagnostics hold a text, at WARN or worse."""
-    seen = graph.listen('/diagnostics', DiagnosticArray)
+def warnings_of(graph):
+    """Return a function: whether the controller warns of a text in its newest diagnostics."""
+    states = graph.diagnostics('recruitment_controller')
+    return lambda text: (bool(states) and text in states[-1].message
+                         and states[-1].level >= b'\x01')
 
-    def warned(text):
-        mine = [m.status[0] for m in seen if m.status[0].name == node]
-        return bool(mine) and text in mine[-1].message and mine[-1].level >= b'\x01'
-    return warned
+
+def values_of(state):
+    """Return keys and values of a state on /diagnostics."""
+    return {pair.key: pair.value for pair in state.values}
