@@ -163,19 +163,19 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
         raise InputError(f'{out}: holds the recordings; expected another folder for the results')
     path = model_path(model)
     wanted = job.Model.of(path, allow_python)
-    bundle, digest = wanted.bundle(), wanted.digest
+    bundle = wanted.bundle()
     skip = [] if recipe is None or isinstance(recipe, Recipe) else [Path(recipe)]
     how = recipe if isinstance(recipe, Recipe) else (
         Recipe() if recipe is None else load_recipe(recipe))
     chosen = choices or Choices()
     recordings = find(folder, None if specimens is None else Path(specimens), pattern,
                       tuple(skip))
-    jobs = [job.Job.of(recording, wanted, how, chosen) for recording in recordings]
-    addresses = [each.address(digest) for each in jobs]
+    jobs = [job.Job(recording, wanted, how, chosen) for recording in recordings]
+    addresses = [each.address for each in jobs]
     store = Store(out / 'recordings')
     write_whole(out / MARK, json.dumps({
         'format': FORMAT, 'folder': str(folder.resolve()), 'model': str(path.resolve()),
-        'model_sha256': digest, 'recipe': asdict(how), 'choices': asdict(chosen),
+        'model_sha256': wanted.digest, 'recipe': asdict(how), 'choices': asdict(chosen),
         'specimens': None if specimens is None else str(Path(specimens).resolve()),
         'code': code_version()}, indent=1))
     todo = {address: each for address, each, recording in zip(addresses, jobs, recordings)
@@ -186,7 +186,7 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
         address, each = left[place]
         store.write(address, result)
         if progress:
-            progress(done, len(left), each.file)
+            progress(done, len(left), each.recording.file)
     found = _together(bundle, recordings, addresses, store, len(left))
     for name in ('recordings', 'effects', 'parameters'):
         tables.write_parquet(name, getattr(found, name), out / f'{name}.parquet')

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Find the recordings of a campaign: files of a folder and rows of a table of specimens."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatch
 import os
@@ -43,6 +43,11 @@ class Recording:
     sha256: str
     specimen: Specimen | None = None
     problem: str = ''
+
+    @property
+    def dimensions(self) -> Mapping[str, float]:
+        """Known dimensions of the specimen, SI."""
+        return {} if self.specimen is None else self.specimen.dimensions
 
     @property
     def muscle(self) -> str:
