@@ -26,7 +26,6 @@ from fam_bundle_ros.benchmarks.measured_muscle import (
     MAX_PRESSURE,
     measured_plant,
 )
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
 from fam_bundle_ros.plant import (
     ChamberConfig,
@@ -61,8 +60,6 @@ def paper_bundle(units: int) -> Bundle:
     paper = load_model(config_path(MODEL))
     if units == paper.n:
         return paper
-    if units not in _SIZES:
-        raise InputError(f'{units} motor units; expected one of {", ".join(map(str, UNITS))}')
     return Bundle(f'{units} units', [
         MotorUnit(f'mu{k + 1}', muscles, Geometry(radius, 0.127, math.radians(33.0),
                                                   0.25 * radius), 344.7e3)
@@ -161,29 +158,15 @@ PLANTS = {kind.name: kind for kind in (
 )}
 
 
-def kind_of(name: str) -> PlantKind:
-    """
-    Return a plant by its name.
-
-    Raises
-    ------
-    InputError
-        For a name that is not in `PLANTS`.
-    """
-    if name not in PLANTS:
-        raise InputError(f"plant is '{name}'; expected one of {', '.join(PLANTS)}")
-    return PLANTS[name]
-
-
 def model_of(name: str, units: int) -> Bundle:
     """Return the model of the controller of a plant."""
-    return kind_of(name).bundle(units)
+    return PLANTS[name].bundle(units)
 
 
 @cache
 def plant_of(name: str, units: int) -> Any:
     """Return the Bundle or ForeignPlant of a plant's rig."""
-    kind, model = kind_of(name), model_of(name, units)
+    kind, model = PLANTS[name], model_of(name, units)
     return model if kind.muscle is None else kind.plant(model, kind.muscle)
 
 

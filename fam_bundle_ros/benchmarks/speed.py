@@ -7,7 +7,7 @@ Every figure has a peer, an alternative measured in the same run, and a target. 
 modules ``speed_*``.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 import cProfile
 from dataclasses import dataclass, field
 import json
@@ -15,6 +15,7 @@ import os
 from pathlib import Path
 import platform
 import pstats
+import resource
 import subprocess
 import sys
 import time
@@ -23,6 +24,9 @@ from typing import Any
 from fam_bundle_ros import kernels
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.processes import environment
+
+#: Column titles of `Figure.cells`.
+FIGURE_HEAD = ('what', 'measured', 'unit', 'peer value', 'peer', 'ratio', 'target', '')
 
 
 class Skipped(Exception):
@@ -74,22 +78,13 @@ class Figure:
         return found >= self.reach if self.at_least else found <= self.reach
 
     @property
-    def asked(self) -> str:
-        """The target as text."""
-        if self.reach is None:
-            return ''
-        return f"{'at least' if self.at_least else 'at most'} {self.reach:g}"
-
-    @property
-    def verdict(self) -> str:
-        """Whether the target is reached, as text."""
-        return {True: 'reached', False: 'not reached', None: ''}[self.reached]
-
-    @property
     def cells(self) -> tuple[Any, ...]:
-        """What, value, unit, peer's value, peer, ratio, target, verdict."""
-        return (self.what, self.value, self.unit, self.beside, self.peer, self.ratio, self.asked,
-                self.verdict)
+        """Row of a table under `FIGURE_HEAD`."""
+        target = '' if self.reach is None else (
+            f"{'at least' if self.at_least else 'at most'} {self.reach:g}")
+        verdict = {True: 'reached', False: 'not reached', None: ''}[self.reached]
+        return (self.what, self.value, self.unit, self.beside, self.peer, self.ratio, target,
+                verdict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields, ratio and verdict."""
@@ -133,11 +128,6 @@ class Result:
     seconds: float = 0.0
 
     @property
-    def missed(self) -> list[Figure]:
-        """The figures that miss their targets."""
-        return [figure for figure in self.figures if figure.reached is False]
-
-    @property
     def remarks(self) -> list[str]:
         """Why there are no figures, notes on figures, and where the time is spent."""
         found = [f'not measured: {self.skipped}'] if self.skipped else []
@@ -171,31 +161,17 @@ def choose(rows: Iterable[Row], only: Iterable[str]) -> list[Row]:
     return [by_name[name] for name in names] or [row for row in by_name.values() if not row.long]
 
 
-def run(rows: Iterable[Row], scale: float = 1.0) -> Iterator[Result]:
-    """
-    Measure rows one after the other.
-
-    Parameters
-    ----------
-    rows : iterable of Row
-    scale : float
-        Share of the usual amount of work.
-
-    Yields
-    ------
-    Result
-        After each row.
-    """
-    for row in rows:
-        result, begin = Result(row), time.perf_counter()
-        try:
-            result.figures = row.measure(scale)
-            if result.missed and row.where is not None:
-                result.where = row.where(scale)
-        except Skipped as reason:
-            result.skipped = str(reason)
-        result.seconds = time.perf_counter() - begin
-        yield result
+def run(row: Row, scale: float = 1.0) -> Result:
+    """Measure a row with a share ``scale`` of the usual amount of work."""
+    result, begin = Result(row), time.perf_counter()
+    try:
+        result.figures = row.measure(scale)
+        if row.where is not None and any(each.reached is False for each in result.figures):
+            result.where = row.where(scale)
+    except Skipped as reason:
+        result.skipped = str(reason)
+    result.seconds = time.perf_counter() - begin
+    return result
 
 
 def machine() -> dict[str, Any]:
@@ -238,6 +214,12 @@ def paired(calls: list[Callable[[], Any]], budget: float = 0.5, least: int = 3) 
             call()
             shortest[k] = min(shortest[k], time.process_time() - begin)
     return shortest
+
+
+def children() -> float:
+    """Return the CPU time of all processes that this one has started, s."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: Any) -> Any:

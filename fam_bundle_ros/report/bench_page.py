@@ -5,12 +5,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fam_bundle_ros.benchmarks.speed import Result
+from fam_bundle_ros.benchmarks.speed import FIGURE_HEAD, Result
 from fam_bundle_ros.report.page import Page, Section, Table
 from fam_bundle_ros.report.provenance import provenance
-
-#: Column titles of `Figure.cells`.
-FIGURE_HEAD = ('what', 'measured', 'unit', 'peer value', 'peer', 'ratio', 'target', '')
 
 
 def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
