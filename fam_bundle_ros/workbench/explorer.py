@@ -48,10 +48,7 @@ class Explorer:
         """
         Set the length of the tendons from text with a unit; empty for none.
 
-        Raises
-        ------
-        InputError
-            When the text is not a length, or too long for any muscle to remain.
+        InputError when the text is not a length, or too long for any muscle to remain.
         """
         self.ends = None
         if told.strip():

@@ -27,14 +27,7 @@ _FIRST = 'first_look'
 
 
 class MeasureView:
-    """
-    Choice, button, progress and outcome of a measurement.
-
-    Parameters
-    ----------
-    page : Page
-    rig : LiveRig
-    """
+    """Choice, button, progress and outcome of a measurement."""
 
     def __init__(self, page: 'Page', rig: LiveRig):
         self.page, self.rig = page, rig

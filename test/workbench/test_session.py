@@ -25,12 +25,6 @@ def test_every_example_that_ships_opens(key):
     assert made.case.origin
 
 
-def test_an_unknown_example_fails():
-    """A key that is no example is refused by name."""
-    with pytest.raises(InputError, match='no_such'):
-        load_example('no_such')
-
-
 def test_the_hidden_friction_starts_where_its_card_says(session):
     """The example is off by what `compare` and its card say, and its noise is 0.6 N."""
     told = compare(session.now.model, session.data).error_N
