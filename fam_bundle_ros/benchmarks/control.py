@@ -68,24 +68,15 @@ class Case:
 
 @dataclass(frozen=True)
 class ControlBenchmark:
-    """
-    Result of `run_benchmark`.
+    """Result of `run_benchmark`."""
 
-    Attributes
-    ----------
-    rows : list of dict
-        One per run, SI units; see `control_metrics`.
-    summary : dict
-        See `control_summary.summarise`.
-    logs : dict
-        Those of `SHOWN`, by (controller, trajectory, plant).
-    seconds : float
-        Wall time.
-    """
-
+    #: One per run, SI units; see `control_metrics`.
     rows: list[dict[str, Any]]
+    #: See `control_summary.summarise`.
     summary: dict[str, Any]
+    #: Those of `SHOWN`, by (controller, trajectory, plant).
     logs: dict[tuple[str, str, str], Log]
+    #: Wall time.
     seconds: float
 
     def to_json(self) -> dict[str, Any]:
@@ -118,14 +109,9 @@ def cases_of(plants: Sequence[str] = tuple(PLANTS), trajectories: Sequence[str] 
 
 def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str], Log]]:
     """
-    Run a case with each of its controllers.
+    Run a case with each of its controllers: ours, then equal pressure, then the others.
 
-    Returns
-    -------
-    rows : list of dict
-        Our controller first, then equal pressure, then the others.
-    logs : dict
-        By (controller, trajectory, plant).
+    Returns rows, and logs by (controller, trajectory, plant).
     """
     model, plant = model_of(case.plant, case.units), plant_of(case.plant, case.units)
     trajectory = make_trajectory(case.trajectory, model, plant,

@@ -125,11 +125,6 @@ def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = Fa
         ``model`` by default.
     long : bool
         Dwell for 60 s rather than 6 s.
-
-    Raises
-    ------
-    InputError
-        For another name.
     """
     if name not in TRAJECTORIES:
         raise InputError(f"trajectory is '{name}'; expected one of {', '.join(TRAJECTORIES)}")

@@ -30,25 +30,16 @@ _NOTICED = _LATCHED | {'SENSOR', 'HOLD', 'NO_SETPOINT', 'NO_SUPPLY', 'E_STOP', '
 
 @dataclass(frozen=True)
 class Limits:
-    """
-    Limits of a run.
+    """Limits of a run."""
 
-    Attributes
-    ----------
-    trip : ndarray (n,), Pa
-        Trip pressure of the controllers.
-    pressure : ndarray (n,), Pa
-        The trip plus the inflow of two control periods at full opening; not above the relief
-        pressure.
-    force : float, N
-        Force of the bundle with all units at ``pressure``.
-    strain : (float, float)
-        End stops of the load; it must not reach the upper one.
-    """
-
+    #: Trip pressure of the controllers, Pa, shape (n,).
     trip: np.ndarray
+    #: The trip plus the inflow of two control periods at full opening, at most the relief
+    #: pressure, Pa, shape (n,).
     pressure: np.ndarray
+    #: Force of the bundle with all units at ``pressure``, N.
     force: float
+    #: End stops of the load; it must not reach the upper one.
     strain: tuple[float, float]
 
     @classmethod

@@ -68,29 +68,18 @@ def paper_bundle(units: int) -> Bundle:
 
 @dataclass(frozen=True)
 class PlantKind:
-    """
-    A plant of the benchmark.
-
-    Attributes
-    ----------
-    name, words : str
-    muscle : Wrong or None
-        Differences of the muscles; None for the controller's own model.
-    rig : RigConfig
-        With its dead times.
-    noise_factor : float
-    bundle : callable
-        Returns the controller's model for a number of motor units.
-    plant : callable
-        Returns a plant for that model and the differences ``muscle``.
-    """
+    """A plant of the benchmark."""
 
     name: str
     words: str
+    #: Differences of the muscles; None for the controller's own model.
     muscle: Wrong | None = None
+    #: With its dead times.
     rig: RigConfig = field(default_factory=RigConfig)
     noise_factor: float = 1.0
+    #: Returns the controller's model for a number of motor units.
     bundle: Callable[[int], Bundle] = paper_bundle
+    #: Returns a plant for that model and the differences ``muscle``.
     plant: Callable[[Bundle, Wrong], Any] = muscle_plant
 
     @property

@@ -35,32 +35,19 @@ class Skipped(Exception):
 
 @dataclass(frozen=True)
 class Figure:
-    """
-    One measured number.
+    """One measured number."""
 
-    Attributes
-    ----------
-    what : str
-        Which case of the row.
-    value : float
-    unit : str
-    peer : str
-        Name of the peer; empty for none.
-    beside : float, optional
-        The peer's number, in the same unit and from the same run.
-    reach : float, optional
-        Target of value/beside, or of the value itself without a peer.
-    at_least : bool
-        Whether the target is a lower limit.
-    note : str
-    """
-
+    #: Which case of the row.
     what: str
     value: float
     unit: str
+    #: Name of the peer; empty for none.
     peer: str = ''
+    #: The peer's number, in the same unit and from the same run.
     beside: float | None = None
+    #: Target of value/beside, or of the value itself without a peer.
     reach: float | None = None
+    #: Whether the target is a lower limit.
     at_least: bool = False
     note: str = ''
 
@@ -93,27 +80,16 @@ class Figure:
 
 @dataclass(frozen=True)
 class Row:
-    """
-    A family of figures.
+    """A family of figures."""
 
-    Attributes
-    ----------
-    name : str
-        For ``--only``.
-    what : str
-    measure : callable
-        Called with the share of the usual work (1; small in tests), returns figures. May raise
-        `Skipped`.
-    where : callable, optional
-        Returns as text where the time is spent; called when a target is not reached.
-    long : bool
-        Takes minutes: measured only when it is named.
-    """
-
+    #: For ``--only``.
     name: str
     what: str
+    #: Called with the share of the usual work (1; small in tests); may raise `Skipped`.
     measure: Callable[[float], list[Figure]]
+    #: Returns as text where the time is spent; called when a target is not reached.
     where: Callable[[float], str] | None = None
+    #: Takes minutes: measured only when it is named.
     long: bool = False
 
 
@@ -144,14 +120,7 @@ class Result:
 
 
 def choose(rows: Iterable[Row], only: Iterable[str]) -> list[Row]:
-    """
-    Return the named rows; without names all but the long ones.
-
-    Raises
-    ------
-    InputError
-        For a name that no row has.
-    """
+    """Return the named rows, all but the long ones without names; InputError for other names."""
     by_name = {row.name: row for row in rows}
     names = list(only)
     for name in names:

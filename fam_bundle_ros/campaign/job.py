@@ -28,14 +28,7 @@ FORMAT = 'fam-bundle-campaign-result/1'
 
 @dataclass(frozen=True)
 class Model:
-    """
-    The text of a model file, with its name and the folder of relative paths in it.
-
-    Attributes
-    ----------
-    text, where, folder : str
-    allow_python : bool
-    """
+    """The text of a model file, with its name and the folder of relative paths in it."""
 
     text: str
     where: str
@@ -74,20 +67,11 @@ def _bundle(model: Model) -> Bundle:
 
 @dataclass(frozen=True)
 class Job:
-    """
-    All data for the diagnosis of one recording by a worker process; picklable.
+    """All data for the diagnosis of one recording by a worker process; picklable."""
 
-    Attributes
-    ----------
-    recording : Recording
-        With the known dimensions of its specimen.
-    model : Model
-        With nominal dimensions.
-    recipe : Recipe
-    choices : Choices
-    """
-
+    #: With the known dimensions of its specimen.
     recording: Recording
+    #: With nominal dimensions.
     model: Model
     recipe: Recipe
     choices: Choices
@@ -111,12 +95,9 @@ def run(job: Job) -> dict[str, Any]:
     """
     Return the result of a recording as plain values.
 
-    Returns
-    -------
-    dict
-        ``error`` (empty if it succeeded), ``passing`` (True if the error is due to the machine,
-        not to the data: the next run tries again), ``data``, ``compare`` and ``diagnose`` (the
-        JSON of the commands of these names).
+    They are ``error`` (empty if it succeeded), ``passing`` (True if the error is due to the
+    machine, not to the data: the next run tries again), ``data``, ``compare`` and ``diagnose``
+    (the JSON of the commands of these names).
     """
     try:
         return _done(job)

@@ -35,16 +35,10 @@ def diagnose_table(bundle: Any, path: Path, files: list[str], reading: Reading, 
     files : list of str
         Recordings of the table to use; empty for all.
     reading : Reading
-        How each recording is read.
     choices : Choices
     model_out : Path, optional
         ``better.yaml`` writes ``better_<specimen>.yaml`` for each.
     json_file : Path, optional
-
-    Raises
-    ------
-    InputError
-        For a file that is not in the table.
     """
     from fam_bundle_ros import discovery
     from fam_bundle_ros.model import save_model

@@ -11,15 +11,7 @@ from fam_bundle_ros.report.provenance import provenance
 
 
 def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
-    """
-    Return the page of measured rows.
-
-    Parameters
-    ----------
-    results : sequence of Result
-    machine : mapping
-        Description of the machine.
-    """
+    """Return the page of measured rows on a machine, which `speed.machine` describes."""
     asked = [figure for result in results for figure in result.figures
              if figure.reached is not None]
     reached = sum(figure.reached is True for figure in asked)

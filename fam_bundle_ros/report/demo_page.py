@@ -24,22 +24,14 @@ from fam_bundle_ros.simulation import Log
 
 @dataclass(frozen=True)
 class DemoRun:
-    """
-    One trajectory, run twice on ROS 2.
-
-    Attributes
-    ----------
-    name, words : str
-        Key, and description of reference and load.
-    log : Log
-        With orderly recruitment.
-    all_on : Log
-        With every unit always on, as a single equivalent motor unit.
-    """
+    """One trajectory, run twice on ROS 2."""
 
     name: str
+    #: Reference and load.
     words: str
+    #: With orderly recruitment.
     log: Log
+    #: With every unit always on, as a single equivalent motor unit.
     all_on: Log
 
 
