@@ -228,8 +228,8 @@ def newton(value: float | None) -> str:
 
     Examples
     --------
-    >>> newton(0.912), newton(12.34), newton(None)
-    ('0.91 N', '12.3 N', '-')
+    >>> newton(0.912), newton(12.34), newton(None), newton(math.nan)
+    ('0.91 N', '12.3 N', '-', '-')
     """
     if value is None or not math.isfinite(value):
         return '-'
