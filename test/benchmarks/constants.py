@@ -215,7 +215,7 @@ def cells(found: dict[str, Any]) -> list[str]:
             f"{found['wrong']} ({found['was_wrong']})", str(found['other']), *ratios]
 
 
-def shown(value: Any) -> str:
+def written(value: Any) -> str:
     """Return a constant as the table has it."""
     if isinstance(value, np.ndarray):
         return f'{shown(float(value[value > 0].min()))} to {shown(float(value.max()))}'
@@ -232,7 +232,7 @@ def page(rows: dict[tuple[str, str, float], dict[str, Any]], command: str) -> st
         lost = max(found['was_right'] - found['right'] + found['wrong'] - found['was_wrong']
                    for found in both)
         lines.append(((-lost, -max(found['other'] for found in both)), [
-            [f'`{name}`', shown(value), word, *cells(found)]
+            [f'`{name}`', written(value), word, *cells(found)]
             for word, found in zip(('half', 'double'), both)]))
     lines.sort(key=lambda line: line[0])
     head = ['constant', 'value', 'times', 'cases', 'right (before)',
