@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands that read measurements: `compare`, `diagnose`, `convert`, `workbench`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -126,11 +127,30 @@ def diagnose(
     if not recordings or (len(recordings) > 1 and not one_muscle):
         raise InputError(f'{len(recordings or [])} recordings; expected one, or --specimens with '
                          'a table of their dimensions, or --one-muscle if all are of one muscle')
-    data = recordings[0]
     measured = read_data(recordings, reading, bundle)
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose(bundle, measured, progress=tick, choices=choices)
     show_muscle(bundle)
+    _show_diagnosis(result, recordings, reading, model)
+    if out is not None:
+        from fam_bundle_ros.report.discovery_pages import diagnosis_page
+        save_page(out, diagnosis_page(result, _files(recordings, model)))
+    save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
+                          'data': measured.to_dict()})
+    if model_out is not None:
+        wrote(*result.recommended.save(model_out))
+    if protocol_out is not None and result.next_protocol is not None:
+        save_protocol(result.next_protocol, protocol_out)
+        wrote(protocol_out)
+        console.print(f'measure: [bold]fam_bundle measure {escape(str(protocol_out))} --model '
+                      f'{escape(model)} --out next.csv[/bold], then diagnose both recordings '
+                      'with --one-muscle', soft_wrap=True)
+    elif protocol_out is not None:
+        notes.print(f'note: {protocol_out} was not written: the next experiment is not a force '
+                    'test')
+
+
+def _show_diagnosis(result: Any, recordings: list[str], reading: Reading, model: str) -> None:
     _check_first(result.comparison)
     console.print(f'[bold]{result.verdict}[/bold]: {escape(result.summary)}', soft_wrap=True)
     # effects that stand for a mistake in the data must not be added
@@ -150,41 +170,38 @@ def diagnose(
         console.print(f"{if_right}add: the same with [bold]--model-out "
                       f"{free_name('better.yaml')}[/bold] writes the model")
     elif words:
-        again = f' {reading.words}' if reading.words else ''
+        data = f'{recordings[0]} {reading.words}'.rstrip()
         console.print(f"{if_right}add: [bold]fam_bundle add {' '.join(words)} --data "
-                      f'{escape(data + again)} --model {escape(model)} --out '
+                      f'{escape(data)} --model {escape(model)} --out '
                       f"{free_name('better.yaml')}[/bold]", soft_wrap=True)
     for group in result.tied:
         console.print(f'cannot be distinguished in these data: {", ".join(group)}')
     if result.parameters:
         parameter_table(result.parameters)
-    if result.shapes_left and result.verdict in ('unexplained', 'partial'):
-        console.print('shapes of the remaining error', style='bold')
-        for shape in result.shapes_left:
-            console.print(f'  {escape(str(shape))}', soft_wrap=True)
-    if result.located and result.verdict != 'adequate':
-        console.print('where the model fails', style='bold')
-        for region in result.located:
-            console.print(f'  {escape(str(region))}', soft_wrap=True)
+    if result.verdict in ('unexplained', 'partial'):
+        _list('shapes of the remaining error', result.shapes_left)
+    if result.verdict != 'adequate':
+        _list('where the model fails', result.located)
     console.print(f'[bold]next[/bold]: {escape(result.next_experiment)}', soft_wrap=True)
     for note in result.notes:
         console.print(f'note: {escape(note)}', style='dim', soft_wrap=True)
-    if out is not None:
-        from fam_bundle_ros.report.discovery_pages import diagnosis_page
-        save_page(out, diagnosis_page(result, _files(recordings, model)))
-    save_json(json_file, {**result.to_dict(), 'muscle': muscle_of(bundle),
-                          'data': measured.to_dict()})
-    if model_out is not None:
-        wrote(*result.recommended.save(model_out))
-    if protocol_out is not None and result.next_protocol is not None:
-        save_protocol(result.next_protocol, protocol_out)
-        wrote(protocol_out)
-        console.print(f'measure: [bold]fam_bundle measure {escape(str(protocol_out))} --model '
-                      f'{escape(model)} --out next.csv[/bold], then diagnose both recordings '
-                      'with --one-muscle', soft_wrap=True)
-    elif protocol_out is not None:
-        notes.print(f'note: {protocol_out} was not written: the next experiment is not a force '
-                    'test')
+
+
+def _check_first(result: Any) -> None:
+    for slip in result.slips:
+        console.print(f'[bold]check first[/bold]: {escape(slip)}', soft_wrap=True)
+
+
+def _list(title: str, items: Sequence[Any]) -> None:
+    if items:
+        console.print(title, style='bold')
+    for item in items:
+        console.print(f'  {escape(str(item))}', soft_wrap=True)
+
+
+def _files(recordings: list[str], model: str) -> list[tuple[str, Path]]:
+    return [*(('measurement', data_path(data)) for data in recordings),
+            ('model file', model_path(model))]
 
 
 @reads_data
@@ -241,13 +258,3 @@ def workbench(
     run(data=None if data is None else data_path(data),
         model=None if model is None else model_path(model), host=host, port=port, token=token,
         show=show)
-
-
-def _check_first(result: Any) -> None:
-    for slip in result.slips:
-        console.print(f'[bold]check first[/bold]: {escape(slip)}', soft_wrap=True)
-
-
-def _files(recordings: list[str], model: str) -> list[tuple[str, Path]]:
-    return [*(('measurement', data_path(data)) for data in recordings),
-            ('model file', model_path(model))]
