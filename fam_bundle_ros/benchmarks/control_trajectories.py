@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.benchmarks.plants import rest_force
+from fam_bundle_ros.benchmarks.plants import sweep
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring
@@ -107,7 +107,8 @@ def top_force(strain: float, model: Bundle, plant: Any, units: int | None = None
         Number of motor units at their largest pressure; all by default.
     """
     pressure = np.where(np.arange(model.n) < (units or model.n), model.max_pressure, 0.0)
-    return min(float(model.force(strain, pressure)), rest_force(plant, strain, pressure))
+    return min(float(model.force(strain, pressure)),
+               float(sweep(plant, np.array([strain]), pressure[None])[0]))
 
 
 def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = False

@@ -86,7 +86,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
     seconds = time.process_time() - begun
     visible = visible_rms(case)
     named = set(result.effects)
-    right = [{name, *also} for name, also in zip(case.hidden, case.also_right)]
+    right = [{name, *make.SAME_PHYSICS.get(name, ())} for name in case.hidden]
     ranking = [entry.effect for entry in result.ranking]
     ties = [set(group) for group in result.tied]
 
@@ -207,9 +207,8 @@ def calibration(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
     for low, high in zip(edges[:-1], edges[1:]):
         part = [r for r in chosen if low <= r['probability'] < high]
         if part:
-            right = [r['first'] in {*r['hidden'], *[a for n in r['hidden']
-                                                    for a in make.SAME_PHYSICS.get(n, ())]}
-                     for r in part]
+            right = [any(r['first'] in (name, *make.SAME_PHYSICS.get(name, ()))
+                         for name in r['hidden']) for r in part]
             out.append({'claimed': float(np.mean([r['probability'] for r in part])),
                         'right': float(np.mean(right)), 'cases': float(len(part))})
     return out

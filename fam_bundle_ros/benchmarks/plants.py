@@ -11,7 +11,7 @@ configuration of the rig. Controllers know only the model, the supply, the nomin
 dead time.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 import math
@@ -157,15 +157,6 @@ def plant_of(name: str, units: int) -> Any:
     """Return the Bundle or ForeignPlant of a plant's rig."""
     kind, model = PLANTS[name], model_of(name, units)
     return model if kind.muscle is None else kind.plant(model, kind.muscle)
-
-
-def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
-    """Return the force of any plant at rest, with its initial memory, N."""
-    model = plant.model(False)
-    pressure = [float(p) for p in pressure]
-    return sum(model.force(i, strain, 0.0, pressure, 0.0, 0.0, True, model.shape,
-                           model.parameters, model.tables, model.memory, model.after)
-               for i in range(plant.n))
 
 
 @cache
