@@ -187,8 +187,15 @@ class Session:
         return None if chosen is None or chosen >= len(self.regions) else self.regions[chosen]
 
     def select(self, **choice: int | None) -> None:
-        """Change the selection: ``level``, ``direction``, ``trial``, ``region``; None for all."""
-        self.selection = replace(self.selection, **choice)
+        """
+        Change the selection: ``level``, ``direction``, ``trial``, ``region``; None for all.
+
+        InputError, and no change, if no sample has it.
+        """
+        before, self.selection = self.selection, replace(self.selection, **choice)
+        if not self.rows().any():
+            self.selection = before
+            raise InputError('no sample has this pressure, direction and trial together')
 
     # --- diagnosis -----------------------------------------------------------------------------
 

@@ -146,3 +146,11 @@ def test_the_headline_of_a_diagnosis_is_no_more_than_it_says(verdict, artefacts,
                             replaced={}, removed=())
     session = SimpleNamespace(diagnosis=found, steps=[None], diagnosed_at=1)
     assert CaseView._said(SimpleNamespace(session=session)) == said
+
+
+def test_a_selection_without_samples_fails_and_changes_nothing(session):
+    """What no sample has cannot be drawn: the selection before it stays."""
+    session.select(level=2)
+    with pytest.raises(InputError, match='no sample has'):
+        session.select(level=7, direction=1)
+    assert (session.selection.level, session.selection.direction) == (2, None)
