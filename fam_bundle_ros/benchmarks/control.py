@@ -30,7 +30,6 @@ from fam_bundle_ros.benchmarks.margins import (
     our_margin,
 )
 from fam_bundle_ros.benchmarks.plants import (
-    MODEL,
     model_error,
     model_of,
     plant_of,
@@ -40,9 +39,6 @@ from fam_bundle_ros.benchmarks.plants import (
 from fam_bundle_ros.campaign.pool import as_done
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.simulation import Log
-
-__all__ = ['Case', 'cases_of', 'ControlBenchmark', 'MODEL', 'OTHERS', 'PLANTS', 'run_benchmark',
-           'run_case', 'TRAJECTORIES', 'UNITS']
 
 #: Controllers in addition to the two of every case; ``no_feedback`` runs on the nominal plant.
 OTHERS = tuple(CONTROLLERS)[2:-1]

@@ -13,7 +13,6 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     Names,
     notes,
-    open_model,
     PageFile,
     progress_bar,
     save_json,
@@ -23,7 +22,7 @@ from fam_bundle_ros.cli.common import (
     WorkersOption,
 )
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.resources import model_path
+from fam_bundle_ros.resources import config_path
 
 
 def benchmark_control(
@@ -75,9 +74,9 @@ def benchmark_control(
               [(row['through'], row['tracking_rms'], row['largest_error'], row['switches'],
                 1e6 * row['air_mass']) for row in over_ros], numeric=(1, 2, 3, 4))
     if out is not None:
-        shipped = control.MODEL.rpartition('/')[2].removesuffix('.yaml')
-        save_page(out, pages.benchmark_page(result, open_model(shipped), seeds, over_ros,
-                                            [('model file', model_path(shipped))]))
+        from fam_bundle_ros.benchmarks.plants import MODEL, paper_bundle
+        save_page(out, pages.benchmark_page(result, paper_bundle(2), seeds, over_ros,
+                                            [('model file', config_path(MODEL))]))
     save_json(json_file, {**result.to_json(), 'over_ros': over_ros})
 
 

@@ -200,17 +200,20 @@ def open_model(name: str, allow_python: bool = False):
     return load_model(model_path(name), allow_python=allow_python)
 
 
-def show_muscle(bundle: Any, chosen: bool = True) -> None:
-    """
-    Print the muscle of a result: the model's name and geometry.
-
-    If the user did not choose it (``chosen`` False), another line says so.
-    """
-    from fam_bundle_ros.model.own_muscle import muscle_words
-    console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
-    if not chosen:
+def chosen_model(name: str | None, allow_python: bool = False):
+    """Return the chosen model, by default the bundle of the paper, and print its muscle."""
+    bundle = open_model(name or PAPER, allow_python)
+    show_muscle(bundle)
+    if name is None:
         console.print('no model was chosen: this is the bundle of the paper; for another give its '
                       'model file (fam_bundle new-model writes one)', style='dim', soft_wrap=True)
+    return bundle
+
+
+def show_muscle(bundle: Any) -> None:
+    """Print the muscle of a result: the model's name and geometry."""
+    from fam_bundle_ros.model.own_muscle import muscle_words
+    console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
 
 
 def muscle_of(bundle: Any) -> dict[str, Any]:
