@@ -147,7 +147,7 @@ def reads_data(command: Callable[..., None]) -> Callable[..., None]:
     return extended
 
 
-def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) -> Any:
+def read_data(files: Sequence[str], reading: Reading, model: Any = None) -> Any:
     """
     Return the Measurement of one or more files, and print how their columns were recognised.
 
@@ -182,11 +182,10 @@ def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) ->
         notes.print(f'note: --rest-length is {1e3 * recipe.rest_length:.4g} mm, the length of '
                     f'{model.name} {1e3 * length:.4g} mm')
     used = recipe if model is None else recipe_for(model, recipe)
-    recordings = read_recordings([data] if isinstance(data, str) else data, recipe=used)
+    recordings = read_recordings(files, recipe=used)
     for measured in recordings:
-        words = taken_words(measured)
-        for line in [*([words] if words else []), *([measured.dropped_words] if measured.dropped
-                                                    else []), *measured.notes]:
+        dropped = measured.dropped_words if measured.dropped else ''
+        for line in filter(None, (taken_words(measured), dropped, *measured.notes)):
             notes.print(escape(f'{measured.name}: {line}'), style='dim', soft_wrap=True)
     if reading.save_recipe is not None:
         save_recipe(recipe_of(measured, recipe), reading.save_recipe)

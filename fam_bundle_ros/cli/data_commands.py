@@ -227,7 +227,7 @@ def convert(
         raise InputError(f'{target}: --model adds columns to a CSV; expected a name that ends in '
                          '.csv')
     bundle = None if model is None else open_model(model, allow_python)
-    measured = read_data(source, reading, bundle)
+    measured = read_data([source], reading, bundle)
     extra = {}
     if bundle is not None:
         show_muscle(bundle)

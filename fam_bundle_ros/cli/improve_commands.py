@@ -121,7 +121,7 @@ def ladder(
     """Show the error of one model after the other on the same data, against the noise floor."""
     from fam_bundle_ros import discovery
     bundles = [open_model(model, allow_python) for model in models]
-    measured = read_data(data, reading, bundles[0])
+    measured = read_data([data], reading, bundles[0])
     with notes.status('refitting without held-out blocks'):
         result = discovery.ladder(measured, bundles)
         orders = _orders(bundles, measured)

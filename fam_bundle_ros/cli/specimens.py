@@ -48,7 +48,7 @@ def diagnose_table(bundle: Any, path: Path, files: list[str], reading: Reading, 
         raise InputError(f"{strange[0]}: not in column 'file' of {path}, which has "
                          f"{', '.join(str(s.data) for s in told.values())}")
     chosen = [told[Path(file).resolve()] for file in files] or list(told.values())
-    specimens = [replace(s, data=read_data(str(s.data), reading, s.model(bundle)))
+    specimens = [replace(s, data=read_data([str(s.data)], reading, s.model(bundle)))
                  for s in chosen]
     with progress_bar('diagnose') as tick:
         result = discovery.diagnose_specimens(bundle, specimens, progress=tick, choices=choices)
