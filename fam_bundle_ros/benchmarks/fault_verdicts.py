@@ -176,14 +176,10 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
             'fault': fault, 'runs': len(group),
             **{name.replace(' ', '_'): sum(row['verdict'] == name for row in group)
                for name in VERDICTS},
-            'detected': sum(row['detected'] for row in group),
-            'time_to_detect': _largest(row['time_to_detect'] for row in group),
-            'time_to_safe': _largest(row['time_to_safe'] for row in group),
-            'seconds': sum(row['seconds'] for row in group),
-            'pressure': max(row['pressure'] for row in group),
-            'force': max(row['force'] for row in group),
-            'force_error': _largest(row['force_error'] for row in group),
-            'came_back': sum(row['came_back'] for row in group),
+            **{key: sum(row[key] for row in group)
+               for key in ('detected', 'seconds', 'came_back')},
+            **{key: _largest(row[key] for row in group)
+               for key in ('time_to_detect', 'time_to_safe', 'pressure', 'force', 'force_error')},
             'enable_called': sum(row['enable'] != '' for row in group),
             'enable_refused': sum(row['enable'] == 'refused' for row in group)})
     return sorted(lines, key=lambda line: (
