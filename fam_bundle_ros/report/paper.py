@@ -45,25 +45,18 @@ class Isobars:
 
 @dataclass(frozen=True)
 class ForceStrainSpace:
-    """
-    Figure 3: the range of forces of each recruitment state.
+    """Figure 3: the range of forces of each recruitment state."""
 
-    Attributes
-    ----------
-    strain : array (s,)
-    low, high : dict of str to array (n, s), N
-        By reading (``neglected``, ``included``): smallest and largest force of RS1..RSn. The last
-        unit of a state goes from zero to its largest pressure, the units before it are at theirs.
-    pressure : array (p,), Pa (gauge)
-        Of the second unit; empty for a bundle of one unit.
-    isobars : dict of str to array (p, s), N
-        By reading: force at these pressures with the first unit at its largest pressure.
-    """
-
+    #: Shape (s,).
     strain: np.ndarray
+    #: By reading (``neglected``, ``included``): smallest and largest force of RS1..RSn, N, shape
+    #: (n, s). The last unit of a state goes from zero to its largest pressure, the units before it
+    #: are at theirs.
     low: dict[str, np.ndarray]
     high: dict[str, np.ndarray]
+    #: Of the second unit, shape (p,), Pa (gauge); empty for a bundle of one unit.
     pressure: np.ndarray
+    #: By reading: force at these pressures with the first unit at its largest pressure, N, (p, s).
     isobars: dict[str, np.ndarray]
 
     def overlap(self, reading: str, state: int) -> np.ndarray:
