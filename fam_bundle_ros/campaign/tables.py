@@ -134,13 +134,13 @@ def write_parquet(name: str, rows: list[Row], path: Path) -> None:
         Key of `COLUMNS`.
     """
     import pandas
-    types = COLUMNS[name]
-    others = {key: any(isinstance(row.get(key), float) for row in rows)
-              for row in rows for key in row if key not in types}
-    plain = [{**row, **{key: None for key, is_number in others.items()
-                        if is_number and isinstance(row.get(key), str)}} for row in rows]
-    frame = pandas.DataFrame(plain, columns=[*types, *others]).astype(
-        {**types, **{key: 'float64' if is_number else 'string'
-                     for key, is_number in others.items()}})
+    types = dict(COLUMNS[name])
+    others = dict.fromkeys(key for row in rows for key in row if key not in types)
+    frame = pandas.DataFrame(rows, columns=[*types, *others])
+    for key in others:
+        numbers = frame[key].where(frame[key].map(lambda cell: isinstance(cell, float)))
+        types[key] = 'float64' if numbers.notna().any() else 'string'
+        if types[key] == 'float64':
+            frame[key] = numbers
     with whole(path) as draft:
-        frame.to_parquet(draft, engine='pyarrow', index=False)
+        frame.astype(types).to_parquet(draft, engine='pyarrow', index=False)
