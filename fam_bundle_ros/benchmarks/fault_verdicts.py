@@ -75,21 +75,19 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         ``came_back`` (before `enable` was called), ``enable``, ``latch_to_safe`` (s from a latch
         to the safe state, infinite for never).
     """
-    time = np.asarray(record['time'])
+    time, pressure, command, force, strain, reference = (np.asarray(record[name]) for name in (
+        'time', 'pressure', 'command', 'force', 'strain', 'reference'))
+    cut = np.asarray(record['cut'], bool)
     begin = 0.0 if case.sound else ONSET
     struck = time > begin
     states = [next((state for state in row if _is(state, _NOTICED)), '')
               for row in record['states']]
     noticed = np.array([bool(state) for state in states]) & struck
-    command, cut = np.asarray(record['command']), np.asarray(record['cut'], bool)
     venting = (command < -_OPEN).all(axis=1) | cut
     first = int(np.argmax(noticed)) if noticed.any() else None
     safe = _safe_at(time, venting, noticed) - begin if noticed.any() else math.inf
-    pressure = np.asarray(record['pressure'])[struck]
-    worst = pressure.max(axis=0)
-    force, strain = np.asarray(record['force'])[struck], np.asarray(record['strain'])[struck]
-    error = (np.abs(force - np.asarray(record['reference'])[struck]).max()
-             if record['kind'] == 'force' else math.nan)
+    worst, largest, furthest = (each[struck].max(axis=0) for each in (pressure, force, strain))
+    error = np.abs(force - reference)[struck].max() if record['kind'] == 'force' else math.nan
     latched = np.array([any(_is(state, _LATCHED) for state in row)
                         for row in record['states']]) & struck
     pressed = case.enable_at if case.enable_at is not None else math.inf
@@ -99,8 +97,10 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     enable = record.get('enable', '')
     late = (_safe_at(time, venting, latched) - float(time[np.argmax(latched)])
             if latched.any() else None)
-    within = bool((worst <= limits.pressure).all() and force.max() <= limits.force
-                  and strain.max() < limits.strain[1])
+    # whether a unit was above the trip when `enable` was called
+    too_high = (pressure[np.argmax(time >= pressed)] > limits.trip).any()
+    within = bool((worst <= limits.pressure).all() and largest <= limits.force
+                  and furthest < limits.strain[1])
     row = {
         'fault': case.fault, 'phase': case.phase, 'policy': case.policy, 'seed': case.seed,
         'lock_step': case.lock_step, 'detected': first is not None,
@@ -108,24 +108,18 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         'time_to_detect': float(time[first] - begin) if first is not None else None,
         'time_to_safe': safe if math.isfinite(safe) else None,
         'seconds': float(time[-1] - time[0]),
-        'pressure': float(worst.max()), 'force': float(force.max()),
-        'force_error': float(error), 'strain': float(strain.max()), 'came_back': returned,
+        'pressure': float(worst.max()), 'force': float(largest),
+        'force_error': float(error), 'strain': float(furthest), 'came_back': returned,
         'latch_to_safe': late, 'enable': enable, 'within': within}
     if case.sound:
         row['verdict'] = ('false alarm' if first is not None else 'quiet' if within
                           else 'unsafe')
     elif (not within or returned or (late is not None and late > AT_ONCE)
-          or (enable == 'accepted' and _too_high(record, pressed, limits))):
+          or (enable == 'accepted' and too_high)):
         row['verdict'] = 'unsafe'
     else:
         row['verdict'] = 'safe' if first is not None else 'harmless'
     return row
-
-
-def _too_high(record: Mapping[str, Any], pressed: float, limits: Limits) -> bool:
-    """Whether a unit was above the trip when `enable` was called."""
-    k = int(np.argmax(np.asarray(record['time']) >= pressed))
-    return bool((np.asarray(record['pressure'])[k] > limits.trip).any())
 
 
 def _is(state: str, kinds: frozenset[str]) -> bool:
