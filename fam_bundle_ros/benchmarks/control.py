@@ -21,7 +21,7 @@ from fam_bundle_ros.benchmarks.control_metrics import (
     row_of,
 )
 from fam_bundle_ros.benchmarks.control_summary import summarise
-from fam_bundle_ros.benchmarks.control_trajectories import make_trajectory, TRAJECTORIES
+from fam_bundle_ros.benchmarks.control_trajectories import is_strain, make_trajectory, TRAJECTORIES
 from fam_bundle_ros.benchmarks.cover import pairwise
 from fam_bundle_ros.benchmarks.margins import (
     baseline_gains,
@@ -153,10 +153,9 @@ def run_benchmark(cases: Sequence[Case], workers: int | None = None,
     """
     begin = time.perf_counter()
     # Cases of one plant go to one worker, which computes gains and margins once.
-    groups: dict[tuple[str, str], list[Case]] = {}
+    groups: dict[tuple[str, bool], list[Case]] = {}
     for case in cases:
-        kind = 'strain' if case.trajectory.split('_')[0] in ('strain', 'load', 'arm') else 'force'
-        groups.setdefault((case.plant, kind), []).append(case)
+        groups.setdefault((case.plant, is_strain(case.trajectory)), []).append(case)
     found: dict[Case, list[dict[str, Any]]] = {}
     logs: dict[tuple[str, str, str], Log] = {}
     # A narrow line needs small steps, about four times as many.

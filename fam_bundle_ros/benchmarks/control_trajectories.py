@@ -130,14 +130,19 @@ def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = Fa
     if name not in TRAJECTORIES:
         raise InputError(f"trajectory is '{name}'; expected one of {', '.join(TRAJECTORIES)}")
     plant = plant or model
-    kind = name.split('_')[0]
-    if kind in ('strain', 'load', 'arm'):
+    if is_strain(name):
         return _strain_trajectory(name, model, plant)
-    return _force_trajectory(name, kind, model, plant, long)
+    return _force_trajectory(name, model, plant, long)
 
 
-def _force_trajectory(name, kind, model, plant, long):
+def is_strain(name: str) -> bool:
+    """Return whether a trajectory is one of strain, else of force."""
+    return name.split('_')[0] in ('strain', 'load', 'arm')
+
+
+def _force_trajectory(name, model, plant, long):
     """Return a force over time on a dynamometer."""
+    kind = name.split('_')[0]
     overlap = model.overlap(STRAIN, 1)
     top = top_force(STRAIN, model, plant)
     low, high = _LOW * top, _HIGH * top

@@ -14,6 +14,7 @@ from fam_bundle_ros.benchmarks.control import Case, cases_of, run_benchmark
 from fam_bundle_ros.benchmarks.control_metrics import chatters, compared, held_air, row_of
 from fam_bundle_ros.benchmarks.control_summary import summarise
 from fam_bundle_ros.benchmarks.control_trajectories import (
+    is_strain,
     make_trajectory,
     STRAIN,
     top_force,
@@ -103,7 +104,7 @@ def begun():
 @pytest.mark.parametrize('name', TRAJECTORIES)
 def test_every_plant_differs_from_nominal_on_every_trajectory(begun, name):
     """A plant that answers like the model would test nothing: each moves the result visibly."""
-    least = 0.02 if name.split('_')[0] not in ('strain', 'load', 'arm') else 1e-6
+    least = 1e-6 if is_strain(name) else 0.02
     for plant in SMALL:
         if plant != 'nominal':
             assert np.abs(begun[plant, name] - begun['nominal', name]).max() > least, plant
