@@ -76,7 +76,7 @@ class Job:
     recipe: Recipe
     choices: Choices
 
-    @property
+    @cached_property
     def address(self) -> str:
         """
         Hash of everything on which the result depends.
