@@ -22,7 +22,7 @@ import typer
 from fam_bundle_ros import palette
 from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.report.numbers import shown
-from fam_bundle_ros.resources import model_path
+from fam_bundle_ros.resources import data_path, model_path
 
 #: Width for a pipe or a file, large enough that no row of a table is wrapped.
 _PIPE_WIDTH = 160
@@ -268,6 +268,18 @@ def wrote(*paths: Path | str) -> None:
     """Print on stderr which files were written."""
     for path in paths:
         notes.print(f'wrote {path}', style='dim', soft_wrap=True)
+
+
+def page_files(recordings: Sequence[str], models: Sequence[str]) -> list[tuple[str, Path]]:
+    """Return the files of a result for the provenance of its page."""
+    return [*(('measurement', data_path(data)) for data in recordings),
+            *(('model file', model_path(model)) for model in models)]
+
+
+def check_first(result: Any) -> None:
+    """Print mistakes in the data that a comparison suspects."""
+    for slip in result.slips:
+        console.print(f'[bold]check first[/bold]: {escape(slip)}', soft_wrap=True)
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = '',
