@@ -64,13 +64,13 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
     duplicate_of : str
         First file with the same content; empty if there is none.
     """
-    row: Row = {'file': recording.file, 'muscle': recording.muscle,
-                'status': 'failed' if result['error'] else 'done',
-                'error': result['error'].removeprefix(f'{recording.path.name}: '),
-                'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None}
     data, compared, diagnosed = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
     error, recommended = diagnosed.get('error_N', {}), diagnosed.get('recommended', {})
-    row.update({
+    row: Row = {
+        'file': recording.file, 'muscle': recording.muscle,
+        'status': 'failed' if result['error'] else 'done',
+        'error': result['error'].removeprefix(f'{recording.path.name}: '),
+        'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None,
         'rows': data.get('rows'), 'trials': data.get('trials'),
         'rows_dropped': sum(data.get('dropped', {}).values()) if data else None,
         'model_error_N': error.get('model'), 'recalibrated_error_N': error.get('recalibrated'),
@@ -86,9 +86,8 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
         'tied': '; '.join(', '.join(group) for group in diagnosed.get('tied', [])),
         'notes': '; '.join(diagnosed.get('notes', [])),
         'noise_floor_N': diagnosed.get('noise_floor_N'), 'seconds': diagnosed.get('seconds'),
-        'data_sha256': recording.sha256, 'address': address})
-    return {**{name: value for name, value in facts_of(recording.specimen).items()
-               if name not in row}, **row}
+        'data_sha256': recording.sha256, 'address': address}
+    return {**facts_of(recording.specimen), **row}
 
 
 def effect_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
