@@ -49,7 +49,6 @@ class _Path:
         self._pieces.append((times[-1], 1.0, values[-1], 0.0))
 
     def value(self, t):
-        """Return the value at a time."""
         begin, span, start, change = self._pieces[bisect_right(self._times, t)]
         x = (t - begin) / span
         return start + change * (x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x) if self._smooth else x)
@@ -71,11 +70,9 @@ class _Sines:
         self._parts = [(size, 2.0 * math.pi * hertz) for size, hertz in parts]
 
     def value(self, t):
-        """Return the value at a time."""
         return self._middle - sum(size * math.cos(turn * t) for size, turn in self._parts)
 
     def rate(self, t):
-        """Return the rate at a time."""
         return sum(size * turn * math.sin(turn * t) for size, turn in self._parts)
 
 
@@ -86,11 +83,9 @@ class _Stairs:
         self._values = values
 
     def value(self, t):
-        """Return the value at a time."""
         return self._values[min(int(max(t, 0.0)), len(self._values) - 1)]
 
     def rate(self, t):
-        """Return 0."""
         return 0.0
 
 
