@@ -184,7 +184,7 @@ class Session:
     def region(self) -> Region | None:
         """The zoomed region."""
         chosen = self.selection.region
-        return None if chosen is None or chosen >= len(self.regions) else self.regions[chosen]
+        return None if chosen is None else self.regions[chosen]
 
     def select(self, **choice: int | None) -> None:
         """
