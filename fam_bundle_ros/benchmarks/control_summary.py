@@ -38,24 +38,28 @@ def _by_case(rows):
     for row in rows:
         key = (row['plant'], row['trajectory'], row['units'], row['seed'])
         found.setdefault(key, {})[row['controller']] = row
-    return {key: case for key, case in found.items()
-            if {'reversal_aware', 'equal_pressure'} <= set(case)}
+    return found
 
 
-def rms_ratio(case: dict[str, Any]) -> float:
-    """Return our tracking rms over that of equal pressure."""
-    return case['reversal_aware']['tracking_rms'] / case['equal_pressure']['tracking_rms']
+def _ratio(quantity, of='reversal_aware', over='equal_pressure'):
+    """Return a function of a case: a figure of a controller over that of another, if both ran."""
+    def value(case: dict[str, Any]) -> Any:
+        return case[of][quantity] / case[over][quantity] if of in case and over in case else None
+    return value
 
 
-def air_ratio(case: dict[str, Any]) -> float:
-    """Return our air over that of equal pressure."""
-    return case['reversal_aware']['air_mass'] / case['equal_pressure']['air_mass']
+rms_ratio, air_ratio = _ratio('tracking_rms'), _ratio('air_mass')
+
+
+def _transition(row):
+    """Return whether the largest errors of a run are those of transitions, N."""
+    return row['kind'] == 'force' and row['trajectory'] not in _JUMPS
 
 
 def dip_excess(case: dict[str, Any]) -> float | None:
     """Return our largest error around our switches minus that of equal pressure, N."""
     ours, beside = case['reversal_aware'], case['equal_pressure']
-    if ours['kind'] != 'force' or ours['error_there'] is None or ours['trajectory'] in _JUMPS:
+    if not _transition(ours) or ours['error_there'] is None:
         return None
     return ours['error_there'] - beside['error_there']
 
@@ -63,62 +67,48 @@ def dip_excess(case: dict[str, Any]) -> float | None:
 def dip_of_neglect(case: dict[str, Any]) -> float | None:
     """Return the ratio of our deepest dip at switches to that of the policy `neglect`."""
     ours, neglect = case['reversal_aware'], case.get('neglect')
-    if (neglect is None or ours['kind'] != 'force' or not ours['dip_depth']
-            or not neglect['dip_depth'] or ours['trajectory'] in _JUMPS):
+    if not (neglect and _transition(ours) and ours['dip_depth'] and neglect['dip_depth']):
         return None
     return ours['dip_depth'] / neglect['dip_depth']
-
-
-def _over_no_feedback(name):
-    def value(case):
-        without = case.get('no_feedback')
-        return case['reversal_aware'][name] / without[name] if without else None
-    return value
-
-
-def unknown_load_ratio(case: dict[str, Any]) -> float | None:
-    """Return our strain rms without knowledge of the load, over that of equal pressure."""
-    ours, untold = case['reversal_aware'], case.get('untold_load')
-    if untold is None or ours['kind'] != 'strain':
-        return None
-    return untold['tracking_rms'] / case['equal_pressure']['tracking_rms']
 
 
 def _one(wanted, value):
     return lambda case: value(case) if wanted(case['reversal_aware']) else None
 
 
-#: Figure, its value in a case, and targets of median, 90 % quantile and worst; None for no target.
+#: Statistics of a figure over all cases, and their names.
+_STATISTICS = {'median': 'median', 'nine_in_ten': '90 % quantile', 'worst': 'worst'}
+_USUAL = {'median': 0.8, 'nine_in_ten': 1.0, 'worst': 1.3}
+#: Figure, its value in a case (None if it has none), and upper limits of the statistics.
 FIGURES = (
-    ('tracking rms over equal pressure', rms_ratio, 0.8, 1.0, 1.3),
-    ('strain, load not known: rms over equal pressure', unknown_load_ratio, 0.8, 1.0, 1.3),
-    ('air over equal pressure', air_ratio, None, None, 1.05),
+    ('tracking rms over equal pressure', rms_ratio, _USUAL),
+    ('strain, load not known: rms over equal pressure',
+     _one(lambda r: r['kind'] == 'strain', _ratio('tracking_rms', 'untold_load')), _USUAL),
+    ('air over equal pressure', air_ratio, {'worst': 1.05}),
     ('air over equal pressure, one unit is enough', _one(lambda r: r['one_unit'], air_ratio),
-     None, None, 0.7),
-    ('error at switches minus that of equal pressure (N)', dip_excess, None, None, 1.0),
-    ('dip at switches over that of neglect', dip_of_neglect, None, None, 1.0 / 3.0),
-    ('runs with chatter', lambda case: float(case['reversal_aware']['chatter']), None, None, 0.0),
+     {'worst': 0.7}),
+    ('error at switches minus that of equal pressure (N)', dip_excess, {'worst': 1.0}),
+    ('dip at switches over that of neglect', dip_of_neglect, {'worst': 1.0 / 3.0}),
+    ('runs with chatter', lambda case: float(case['reversal_aware']['chatter']), {'worst': 0.0}),
     ('constant force, strain moved: rms over equal pressure',
-     _one(lambda r: r['trajectory'] == 'moved', rms_ratio), None, None, 1.2),
-    ('nominal: rms over that without feedback',
-     _one(lambda r: r['plant'] == 'nominal', _over_no_feedback('tracking_rms')),
-     None, None, 1.08),
-    ('nominal: air over that without feedback',
-     _one(lambda r: r['plant'] == 'nominal', _over_no_feedback('air_mass')), None, None, 1.08),
+     _one(lambda r: r['trajectory'] == 'moved', rms_ratio), {'worst': 1.2}),
+    ('nominal: rms over that without feedback', _ratio('tracking_rms', over='no_feedback'),
+     {'worst': 1.08}),
+    ('nominal: air over that without feedback', _ratio('air_mass', over='no_feedback'),
+     {'worst': 1.08}),
     ('nominal: air over the least that any allocation needs',
-     lambda case: case['reversal_aware'].get('air_over_least'), None, None, 1.10),
+     lambda case: case['reversal_aware'].get('air_over_least'), {'worst': 1.10}),
 )
 
 
 def _figures(cases):
     found = []
-    for name, value, median, nine, worst in FIGURES:
+    for name, value, limits in FIGURES:
         values = {key: v for key, case in cases.items() if (v := value(case)) is not None}
-        must = ', '.join(f'{words} at most {limit:.3g}' for words, limit in (
-            ('median', median), ('90 % quantile', nine), ('worst', worst)) if limit is not None)
+        must = ', '.join(f'{_STATISTICS[each]} at most {limit:.3g}'
+                         for each, limit in limits.items())
         figure: dict[str, Any] = {'figure': name, 'must': must, 'cases': len(values),
-                                  'median': None, 'nine_in_ten': None, 'worst': None,
-                                  'where': '', 'reached': None}
+                                  **dict.fromkeys(_STATISTICS), 'where': '', 'reached': None}
         if values:
             numbers = np.array(list(values.values()))
             key = max(values, key=lambda k: values[k])
@@ -126,10 +116,8 @@ def _figures(cases):
                     'nine_in_ten': float(np.quantile(numbers, 0.9, method='higher')),
                     'worst': float(numbers.max())}
             figure.update(told, where=f'{key[0]} {key[1]}, {key[2]} units',
-                          reached=all(limit is None or told[place] <= limit + 1e-9
-                                      for place, limit in (('median', median),
-                                                           ('nine_in_ten', nine),
-                                                           ('worst', worst))))
+                          reached=all(told[each] <= limit + 1e-9
+                                      for each, limit in limits.items()))
         found.append(figure)
     return found
 
@@ -174,6 +162,5 @@ def _median_of_forces(rows):
 
 
 def _largest(rows, key):
-    values = [row[key] for row in rows if row['kind'] == 'force' and row[key] is not None
-              and row['trajectory'] not in _JUMPS]
+    values = [row[key] for row in rows if _transition(row) and row[key] is not None]
     return max(values) if values else None

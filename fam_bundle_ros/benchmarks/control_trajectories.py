@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.benchmarks.plants import rest_force
+from fam_bundle_ros.benchmarks.plants import sweep
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Arm, Dynamometer, MassSpring
@@ -49,7 +49,6 @@ class _Path:
         self._pieces.append((times[-1], 1.0, values[-1], 0.0))
 
     def value(self, t):
-        """Return the value at a time."""
         begin, span, start, change = self._pieces[bisect_right(self._times, t)]
         x = (t - begin) / span
         return start + change * (x ** 3 * (10.0 - 15.0 * x + 6.0 * x * x) if self._smooth else x)
@@ -71,11 +70,9 @@ class _Sines:
         self._parts = [(size, 2.0 * math.pi * hertz) for size, hertz in parts]
 
     def value(self, t):
-        """Return the value at a time."""
         return self._middle - sum(size * math.cos(turn * t) for size, turn in self._parts)
 
     def rate(self, t):
-        """Return the rate at a time."""
         return sum(size * turn * math.sin(turn * t) for size, turn in self._parts)
 
 
@@ -86,11 +83,9 @@ class _Stairs:
         self._values = values
 
     def value(self, t):
-        """Return the value at a time."""
         return self._values[min(int(max(t, 0.0)), len(self._values) - 1)]
 
     def rate(self, t):
-        """Return 0."""
         return 0.0
 
 
@@ -107,7 +102,8 @@ def top_force(strain: float, model: Bundle, plant: Any, units: int | None = None
         Number of motor units at their largest pressure; all by default.
     """
     pressure = np.where(np.arange(model.n) < (units or model.n), model.max_pressure, 0.0)
-    return min(float(model.force(strain, pressure)), rest_force(plant, strain, pressure))
+    return min(float(model.force(strain, pressure)),
+               float(sweep(plant, np.array([strain]), pressure[None])[0]))
 
 
 def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = False
@@ -125,23 +121,23 @@ def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = Fa
         ``model`` by default.
     long : bool
         Dwell for 60 s rather than 6 s.
-
-    Raises
-    ------
-    InputError
-        For another name.
     """
     if name not in TRAJECTORIES:
         raise InputError(f"trajectory is '{name}'; expected one of {', '.join(TRAJECTORIES)}")
     plant = plant or model
-    kind = name.split('_')[0]
-    if kind in ('strain', 'load', 'arm'):
+    if is_strain(name):
         return _strain_trajectory(name, model, plant)
-    return _force_trajectory(name, kind, model, plant, long)
+    return _force_trajectory(name, model, plant, long)
 
 
-def _force_trajectory(name, kind, model, plant, long):
+def is_strain(name: str) -> bool:
+    """Return whether a trajectory is one of strain, else of force."""
+    return name.split('_')[0] in ('strain', 'load', 'arm')
+
+
+def _force_trajectory(name, model, plant, long):
     """Return a force over time on a dynamometer."""
+    kind = name.split('_')[0]
     overlap = model.overlap(STRAIN, 1)
     top = top_force(STRAIN, model, plant)
     low, high = _LOW * top, _HIGH * top

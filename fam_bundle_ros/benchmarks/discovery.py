@@ -20,6 +20,7 @@ import numpy as np
 from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
 from fam_bundle_ros.campaign.pool import each, Progress
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.diagnose import diagnose
@@ -86,7 +87,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
     seconds = time.process_time() - begun
     visible = visible_rms(case)
     named = set(result.effects)
-    right = [{name, *also} for name, also in zip(case.hidden, case.also_right)]
+    right = [{name, *make.SAME_PHYSICS.get(name, ())} for name in case.hidden]
     ranking = [entry.effect for entry in result.ranking]
     ties = [set(group) for group in result.tied]
 
@@ -124,8 +125,7 @@ def visible_rms(case: make.Case) -> float:
     options = Options(case.model, cells, Choices(), {e.name: e for e in case.model.effects})
     base = fitter.without_discrepancy(fitter.fit(
         options.own, case.model, options.priors(options.own)))
-    missed = predict(base.model, case.data) - case.shown_force
-    return float(np.sqrt(np.mean(missed ** 2))) / case.noise
+    return rms(predict(base.model, case.data) - case.shown_force) / case.noise
 
 
 def _parameters(case: make.Case, result: Any) -> dict[str, Any]:
@@ -162,38 +162,41 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
                         'target': target, 'at_least': at_least,
                         'met': reached >= target if at_least else reached <= target})
 
+    def group(name: str) -> list[dict[str, Any]]:
+        return [row for row in rows if row['group'] == name]
+
+    def visible(name: str) -> list[dict[str, Any]]:
+        return [row for row in group(name) if row['visible'] >= _VISIBLE]
+
+    def false_alarm(row: dict[str, Any]) -> bool:
+        return row['named'] or row['verdict'] == 'unexplained'
+
     for kind in _KINDS:
-        seen = [r for r in rows if r['group'] == 'single' and r['kind'] == kind
-                and r['visible'] >= _VISIBLE]
+        seen, other = ([row for row in visible(name) if row['kind'] == kind]
+                       for name in ('single', 'other'))
         add(f'true effect or a tie with it first, {kind}', seen, lambda r: r['found'], 0.95)
         add(f'in the top three, {kind}', seen, lambda r: r['found'] or r['top_three'], 0.98)
         add(f'wrong and confident, {kind}', seen, lambda r: r['confident_wrong'], 0.02, False)
-        other = [r for r in rows if r['group'] == 'other' and r['kind'] == kind
-                 and r['visible'] >= _VISIBLE]
         add(f'right family, other form, {kind}', other, lambda r: r['family'], 0.90)
         add(f'true effect or a tie, other form, {kind}', other, lambda r: r['found'], 0.90)
     for noise in ('white', 'ar', 'outliers'):
-        add(f'false discovery, {noise} noise',
-            [r for r in rows if r['group'] == f'clean {noise}'],
-            lambda r: r['named'] or r['verdict'] == 'unexplained', 0.02, False)
-    add('parameter errors named as an effect', [r for r in rows if r['group'] == 'parameters'],
-        lambda r: r['named'] or r['verdict'] == 'unexplained', 0.02, False)
-    outside = [r for r in rows if r['group'] == 'outside' and r['visible'] >= _VISIBLE]
+        add(f'false discovery, {noise} noise', group(f'clean {noise}'), false_alarm, 0.02, False)
+    add('parameter errors named as an effect', group('parameters'), false_alarm, 0.02, False)
+    outside = visible('outside')
     add('outside the library: unexplained or partial', outside,
         lambda r: r['verdict'] in ('unexplained', 'partial'), 0.80)
     add('outside the library: a wrong name', outside, lambda r: r['named'], 0.10, False)
     for kind, target in (('static', 0.85), ('dynamic', 0.75)):
-        add(f'two effects both found, nothing else, {kind}',
-            [r for r in rows if r['group'] == f'pairs {kind}'], lambda r: r['exact'], target)
-    good = [r for r in rows if r['group'] == 'single' and r['found']]
+        add(f'two effects both found, nothing else, {kind}', group(f'pairs {kind}'),
+            lambda r: r['exact'], target)
+    good = [r for r in group('single') if r['found']]
     add('error after adding over the noise (median)', good, lambda r: r['error_over_floor'],
         1.05, False, np.median)
     add('parameter error (median)', good, lambda r: r['parameter_errors'], 0.05, False, np.median)
     add('95 % intervals that hold the truth, or flagged', good,
         lambda r: [a or b for a, b in zip(r['inside'], r['flagged'])], 0.85)
-    add('effect of 0.2 noise sd found', [r for r in rows if r['group'] == 'small'
-                                         and 0.15 <= r['size'] <= 0.3],
-        lambda r: r['found'], 0.90)
+    add('effect of 0.2 noise sd found',
+        [r for r in group('small') if 0.15 <= r['size'] <= 0.3], lambda r: r['found'], 0.90)
     add('seconds per case (median)', rows, lambda r: r['seconds'], 3.0, False, np.median)
     return figures
 
@@ -207,9 +210,8 @@ def calibration(rows: list[dict[str, Any]]) -> list[dict[str, float]]:
     for low, high in zip(edges[:-1], edges[1:]):
         part = [r for r in chosen if low <= r['probability'] < high]
         if part:
-            right = [r['first'] in {*r['hidden'], *[a for n in r['hidden']
-                                                    for a in make.SAME_PHYSICS.get(n, ())]}
-                     for r in part]
+            right = [any(r['first'] in (name, *make.SAME_PHYSICS.get(name, ()))
+                         for name in r['hidden']) for r in part]
             out.append({'claimed': float(np.mean([r['probability'] for r in part])),
                         'right': float(np.mean(right)), 'cases': float(len(part))})
     return out

@@ -72,14 +72,7 @@ _METHODS = {'lasso': (lasso, 'sklearn'), 'pysindy stlsq': (stlsq, 'pysindy')}
 
 
 def methods() -> list[str]:
-    """
-    Return the methods whose packages are installed.
-
-    Raises
-    ------
-    InputError
-        When none is installed.
-    """
+    """Return the methods whose packages are installed; InputError when none is."""
     found = [name for name, (_, package) in _METHODS.items() if importlib.util.find_spec(package)]
     if not found:
         raise InputError('--against: expected scikit-learn or pysindy to be installed')
@@ -90,10 +83,7 @@ def against(cases: int) -> dict[str, dict[str, Any]]:
     """
     Return, by method, how often the true effect is first, and the number of selected terms.
 
-    Parameters
-    ----------
-    cases : int
-        Per kind of data and form of the hidden effect.
+    The number of cases is per kind of data and form of the hidden effect.
     """
     found: dict[str, list[tuple[bool, int]]] = {name: [] for name in methods()}
     for form in ('same', 'other'):

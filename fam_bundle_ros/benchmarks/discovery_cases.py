@@ -9,7 +9,7 @@ with the catalogue. Cases are determined by their seeds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
@@ -39,13 +39,12 @@ class Case:
     model: Bundle
     data: Measurement
     hidden: tuple[str, ...]
-    also_right: tuple[tuple[str, ...], ...]
     verdicts: tuple[str, ...]
     noise: float
     shown_force: np.ndarray
-    form: str = 'same'
-    parameters: dict[str, float] = field(default_factory=dict)
-    size: float = 0.0
+    form: str
+    parameters: dict[str, float]
+    size: float
 
 
 # --- motions of the rig ------------------------------------------------------------------------
@@ -224,7 +223,5 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
     else:
         verdicts = ('adequate',) if off == 0 else ('recalibrate', 'adequate')
     hidden_size = float(np.std(true_force(record, rig, parts) - true_force(record, rig, [])) / sd)
-    return Case(data.name, model, data, hidden,
-                tuple(SAME_PHYSICS.get(name, ()) for name in hidden), verdicts, sd, shown_force,
-                form,
+    return Case(data.name, model, data, hidden, verdicts, sd, shown_force, form,
                 {f'{p.name}.{k}': v for p in parts for k, v in p.parameters.items()}, hidden_size)

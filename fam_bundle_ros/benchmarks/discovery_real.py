@@ -46,14 +46,7 @@ class Split:
 
 
 def measured(folder: Path) -> list[tuple[Path, Path]]:
-    """
-    Return the measurements of a folder with their model files.
-
-    Raises
-    ------
-    InputError
-        When there is none.
-    """
+    """Return the measurements of a folder with their model files; InputError for none."""
     found = [(data, data.with_name(f'{data.stem}.model.yaml'))
              for data in sorted(folder.glob('*.csv'))]
     found = [(data, model) for data, model in found if model.exists()]
@@ -67,13 +60,7 @@ def splits(data: Measurement, draws: int = DRAWS) -> Iterator[tuple[str, np.ndar
     Yield the description of the held-out rows, and the rows, (T,) bool.
 
     Of a static map: inner strain levels one by one and draws of inner isobars. Of a log: draws of
-    trials.
-
-    Parameters
-    ----------
-    data : Measurement
-    draws : int
-        Seeds 0, 1, ... of the draws.
+    trials. The draws have the seeds 0, 1, ...
     """
     if data.is_static:
         label = fold_labels(data, 'strain', len(data))

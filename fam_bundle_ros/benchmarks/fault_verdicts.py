@@ -30,25 +30,16 @@ _NOTICED = _LATCHED | {'SENSOR', 'HOLD', 'NO_SETPOINT', 'NO_SUPPLY', 'E_STOP', '
 
 @dataclass(frozen=True)
 class Limits:
-    """
-    Limits of a run.
+    """Limits of a run."""
 
-    Attributes
-    ----------
-    trip : ndarray (n,), Pa
-        Trip pressure of the controllers.
-    pressure : ndarray (n,), Pa
-        The trip plus the inflow of two control periods at full opening; not above the relief
-        pressure.
-    force : float, N
-        Force of the bundle with all units at ``pressure``.
-    strain : (float, float)
-        End stops of the load; it must not reach the upper one.
-    """
-
+    #: Trip pressure of the controllers, Pa, shape (n,).
     trip: np.ndarray
+    #: The trip plus the inflow of two control periods at full opening, at most the relief
+    #: pressure, Pa, shape (n,).
     pressure: np.ndarray
+    #: Force of the bundle with all units at ``pressure``, N.
     force: float
+    #: End stops of the load; it must not reach the upper one.
     strain: tuple[float, float]
 
     @classmethod
@@ -84,21 +75,19 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         ``came_back`` (before `enable` was called), ``enable``, ``latch_to_safe`` (s from a latch
         to the safe state, infinite for never).
     """
-    time = np.asarray(record['time'])
+    time, pressure, command, force, strain, reference = (np.asarray(record[name]) for name in (
+        'time', 'pressure', 'command', 'force', 'strain', 'reference'))
+    cut = np.asarray(record['cut'], bool)
     begin = 0.0 if case.sound else ONSET
     struck = time > begin
     states = [next((state for state in row if _is(state, _NOTICED)), '')
               for row in record['states']]
     noticed = np.array([bool(state) for state in states]) & struck
-    command, cut = np.asarray(record['command']), np.asarray(record['cut'], bool)
     venting = (command < -_OPEN).all(axis=1) | cut
     first = int(np.argmax(noticed)) if noticed.any() else None
     safe = _safe_at(time, venting, noticed) - begin if noticed.any() else math.inf
-    pressure = np.asarray(record['pressure'])[struck]
-    worst = pressure.max(axis=0)
-    force, strain = np.asarray(record['force'])[struck], np.asarray(record['strain'])[struck]
-    error = (np.abs(force - np.asarray(record['reference'])[struck]).max()
-             if record['kind'] == 'force' else math.nan)
+    worst, largest, furthest = (each[struck].max(axis=0) for each in (pressure, force, strain))
+    error = np.abs(force - reference)[struck].max() if record['kind'] == 'force' else math.nan
     latched = np.array([any(_is(state, _LATCHED) for state in row)
                         for row in record['states']]) & struck
     pressed = case.enable_at if case.enable_at is not None else math.inf
@@ -108,8 +97,10 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
     enable = record.get('enable', '')
     late = (_safe_at(time, venting, latched) - float(time[np.argmax(latched)])
             if latched.any() else None)
-    within = bool((worst <= limits.pressure).all() and force.max() <= limits.force
-                  and strain.max() < limits.strain[1])
+    # whether a unit was above the trip when `enable` was called
+    too_high = (pressure[np.argmax(time >= pressed)] > limits.trip).any()
+    within = bool((worst <= limits.pressure).all() and largest <= limits.force
+                  and furthest < limits.strain[1])
     row = {
         'fault': case.fault, 'phase': case.phase, 'policy': case.policy, 'seed': case.seed,
         'lock_step': case.lock_step, 'detected': first is not None,
@@ -117,24 +108,18 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
         'time_to_detect': float(time[first] - begin) if first is not None else None,
         'time_to_safe': safe if math.isfinite(safe) else None,
         'seconds': float(time[-1] - time[0]),
-        'pressure': float(worst.max()), 'force': float(force.max()),
-        'force_error': float(error), 'strain': float(strain.max()), 'came_back': returned,
+        'pressure': float(worst.max()), 'force': float(largest),
+        'force_error': float(error), 'strain': float(furthest), 'came_back': returned,
         'latch_to_safe': late, 'enable': enable, 'within': within}
     if case.sound:
         row['verdict'] = ('false alarm' if first is not None else 'quiet' if within
                           else 'unsafe')
     elif (not within or returned or (late is not None and late > AT_ONCE)
-          or (enable == 'accepted' and _too_high(record, pressed, limits))):
+          or (enable == 'accepted' and too_high)):
         row['verdict'] = 'unsafe'
     else:
         row['verdict'] = 'safe' if first is not None else 'harmless'
     return row
-
-
-def _too_high(record: Mapping[str, Any], pressed: float, limits: Limits) -> bool:
-    """Whether a unit was above the trip when `enable` was called."""
-    k = int(np.argmax(np.asarray(record['time']) >= pressed))
-    return bool((np.asarray(record['pressure'])[k] > limits.trip).any())
 
 
 def _is(state: str, kinds: frozenset[str]) -> bool:
@@ -185,14 +170,10 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
             'fault': fault, 'runs': len(group),
             **{name.replace(' ', '_'): sum(row['verdict'] == name for row in group)
                for name in VERDICTS},
-            'detected': sum(row['detected'] for row in group),
-            'time_to_detect': _largest(row['time_to_detect'] for row in group),
-            'time_to_safe': _largest(row['time_to_safe'] for row in group),
-            'seconds': sum(row['seconds'] for row in group),
-            'pressure': max(row['pressure'] for row in group),
-            'force': max(row['force'] for row in group),
-            'force_error': _largest(row['force_error'] for row in group),
-            'came_back': sum(row['came_back'] for row in group),
+            **{key: sum(row[key] for row in group)
+               for key in ('detected', 'seconds', 'came_back')},
+            **{key: _largest(row[key] for row in group)
+               for key in ('time_to_detect', 'time_to_safe', 'pressure', 'force', 'force_error')},
             'enable_called': sum(row['enable'] != '' for row in group),
             'enable_refused': sum(row['enable'] == 'refused' for row in group)})
     return sorted(lines, key=lambda line: (

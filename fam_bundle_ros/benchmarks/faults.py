@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import (
     ChamberConfig,
@@ -204,9 +203,7 @@ def _force(phase: str, one: float, every: float) -> tuple[Callable, Callable]:
         # All units pull.
         held = one + 0.3 * (every - one)
         return (lambda t: held), (lambda t: 0.0)
-    if phase not in ('transition', WORK):
-        raise InputError(f"phase is '{phase}'; expected {', '.join(PHASES)}")
-    # Up and down through the overlap, with a crossing just after the fault.
+    # Transition and work: up and down through the overlap, with a crossing just after the fault.
     low, high = 0.7 * one, one + 0.5 * (every - one)
     half = 1.2 if phase == 'transition' else 5.0
     wave = 0.0 if phase == 'transition' else 0.15 * one

@@ -43,27 +43,17 @@ _BALANCE = 1e-8
 
 @dataclass(frozen=True)
 class Wrong:
-    """
-    Differences between a plant's muscles and the model.
+    """Differences between a plant's muscles and the model."""
 
-    Parameters
-    ----------
-    own_surface : bool
-        Use a tension surface of this module; else that of the model, read from a table.
-    snap : bool
-        Whether the push-back drops when a muscle folds.
-    scale : float
-        Relative strength error of the motor units, alternating in sign.
-    friction : float, N
-        Fc of a muscle of 6.35 mm radius; 0 for none (and stiff ends).
-    slide : float
-        Strain over which the friction builds up.
-    """
-
+    #: Use a tension surface of this module; else that of the model, read from a table.
     own_surface: bool = False
+    #: Whether the push-back drops when a muscle folds.
     snap: bool = False
+    #: Relative strength error of the motor units, alternating in sign.
     scale: float = 0.0
+    #: Fc of a muscle of 6.35 mm radius, N; 0 for none (and stiff ends).
     friction: float = 0.0
+    #: Strain over which the friction builds up.
     slide: float = 3e-4
 
 

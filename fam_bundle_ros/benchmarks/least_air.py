@@ -12,7 +12,6 @@ cost, and has ideal valves: it is a lower bound, not a controller.
 
 import numpy as np
 
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import (
     ATMOSPHERE,
@@ -47,14 +46,7 @@ def least_air(bundle: Bundle, time: np.ndarray, force: np.ndarray, strain: np.nd
     step : float, s
         Time step of the search. A load on muscles oscillates at about 6 Hz: steps of 50 ms would
         miss the air of these oscillations, which every allocation needs.
-
-    Raises
-    ------
-    InputError
-        For another number of motor units than two.
     """
-    if bundle.n != 2:
-        raise InputError(f'least_air searches bundles of 2 motor units; this one has {bundle.n}')
     whole = np.linspace(0.0, bundle.max_pressure[1], _POINTS)
     coarse = _Search(bundle, time, force, strain, tube_volume, _COARSE * step)
     _, path = coarse.best(np.tile(whole, (len(coarse.time), 1)))

@@ -24,7 +24,7 @@ from fam_bundle_ros.benchmarks.control_trajectories import (
     STRAIN,
     top_force,
 )
-from fam_bundle_ros.benchmarks.plants import kind_of, model_of, plant_of
+from fam_bundle_ros.benchmarks.plants import model_of, plant_of, PLANTS
 from fam_bundle_ros.control import ControllerConfig, OuterConfig, PidConfig, PidGains, tune
 from fam_bundle_ros.control.adaptation import AdaptationConfig
 from fam_bundle_ros.control.baselines import BaselineConfig
@@ -111,7 +111,7 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
     deviation : (float, float)
         See `ClosedLoop`.
     """
-    kind = kind_of(plant)
+    kind = PLANTS[plant]
     config = ControllerConfig(policy=controller.policy, scheme=controller.scheme,
                               baseline=baseline,
                               outer=OuterConfig(feedback=controller.feedback, delay=kind.delay),

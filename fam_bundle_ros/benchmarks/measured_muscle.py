@@ -57,12 +57,7 @@ def measured_plant(model: Bundle, wrong: Wrong) -> ForeignPlant:
     """
     Return a bundle of the measured muscle with the differences ``wrong``.
 
-    Parameters
-    ----------
-    model : Bundle
-        From `diagnosed_bundle`; its length and number of motor units are taken.
-    wrong : Wrong
-        ``own_surface`` is not used.
+    The model, from `diagnosed_bundle`, gives length and number of motor units.
     """
     force, gas = muscle_tables(model, friction=wrong.friction > 0.0)
     return table_plant(model, wrong, np.repeat(force[None], model.n, axis=0),

@@ -11,7 +11,7 @@ configuration of the rig. Controllers know only the model, the supply, the nomin
 dead time.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 import math
@@ -26,7 +26,6 @@ from fam_bundle_ros.benchmarks.measured_muscle import (
     MAX_PRESSURE,
     measured_plant,
 )
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Geometry, load_model, MotorUnit
 from fam_bundle_ros.plant import (
     ChamberConfig,
@@ -61,8 +60,6 @@ def paper_bundle(units: int) -> Bundle:
     paper = load_model(config_path(MODEL))
     if units == paper.n:
         return paper
-    if units not in _SIZES:
-        raise InputError(f'{units} motor units; expected one of {", ".join(map(str, UNITS))}')
     return Bundle(f'{units} units', [
         MotorUnit(f'mu{k + 1}', muscles, Geometry(radius, 0.127, math.radians(33.0),
                                                   0.25 * radius), 344.7e3)
@@ -71,29 +68,18 @@ def paper_bundle(units: int) -> Bundle:
 
 @dataclass(frozen=True)
 class PlantKind:
-    """
-    A plant of the benchmark.
-
-    Attributes
-    ----------
-    name, words : str
-    muscle : Wrong or None
-        Differences of the muscles; None for the controller's own model.
-    rig : RigConfig
-        With its dead times.
-    noise_factor : float
-    bundle : callable
-        Returns the controller's model for a number of motor units.
-    plant : callable
-        Returns a plant for that model and the differences ``muscle``.
-    """
+    """A plant of the benchmark."""
 
     name: str
     words: str
+    #: Differences of the muscles; None for the controller's own model.
     muscle: Wrong | None = None
+    #: With its dead times.
     rig: RigConfig = field(default_factory=RigConfig)
     noise_factor: float = 1.0
+    #: Returns the controller's model for a number of motor units.
     bundle: Callable[[int], Bundle] = paper_bundle
+    #: Returns a plant for that model and the differences ``muscle``.
     plant: Callable[[Bundle, Wrong], Any] = muscle_plant
 
     @property
@@ -161,39 +147,16 @@ PLANTS = {kind.name: kind for kind in (
 )}
 
 
-def kind_of(name: str) -> PlantKind:
-    """
-    Return a plant by its name.
-
-    Raises
-    ------
-    InputError
-        For a name that is not in `PLANTS`.
-    """
-    if name not in PLANTS:
-        raise InputError(f"plant is '{name}'; expected one of {', '.join(PLANTS)}")
-    return PLANTS[name]
-
-
 def model_of(name: str, units: int) -> Bundle:
     """Return the model of the controller of a plant."""
-    return kind_of(name).bundle(units)
+    return PLANTS[name].bundle(units)
 
 
 @cache
 def plant_of(name: str, units: int) -> Any:
     """Return the Bundle or ForeignPlant of a plant's rig."""
-    kind, model = kind_of(name), model_of(name, units)
+    kind, model = PLANTS[name], model_of(name, units)
     return model if kind.muscle is None else kind.plant(model, kind.muscle)
-
-
-def rest_force(plant: Any, strain: float, pressure: Sequence[float] | np.ndarray) -> float:
-    """Return the force of any plant at rest, with its initial memory, N."""
-    model = plant.model(False)
-    pressure = [float(p) for p in pressure]
-    return sum(model.force(i, strain, 0.0, pressure, 0.0, 0.0, True, model.shape,
-                           model.parameters, model.tables, model.memory, model.after)
-               for i in range(plant.n))
 
 
 @cache

@@ -7,7 +7,7 @@ Every figure has a peer, an alternative measured in the same run, and a target. 
 modules ``speed_*``.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 import cProfile
 from dataclasses import dataclass, field
 import json
@@ -15,6 +15,7 @@ import os
 from pathlib import Path
 import platform
 import pstats
+import resource
 import subprocess
 import sys
 import time
@@ -24,6 +25,9 @@ from fam_bundle_ros import kernels
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.processes import environment
 
+#: Column titles of `Figure.cells`.
+FIGURE_HEAD = ('what', 'measured', 'unit', 'peer value', 'peer', 'ratio', 'target', '')
+
 
 class Skipped(Exception):
     """A row that cannot be measured, for the reason in the text."""
@@ -31,32 +35,19 @@ class Skipped(Exception):
 
 @dataclass(frozen=True)
 class Figure:
-    """
-    One measured number.
+    """One measured number."""
 
-    Attributes
-    ----------
-    what : str
-        Which case of the row.
-    value : float
-    unit : str
-    peer : str
-        Name of the peer; empty for none.
-    beside : float, optional
-        The peer's number, in the same unit and from the same run.
-    reach : float, optional
-        Target of value/beside, or of the value itself without a peer.
-    at_least : bool
-        Whether the target is a lower limit.
-    note : str
-    """
-
+    #: Which case of the row.
     what: str
     value: float
     unit: str
+    #: Name of the peer; empty for none.
     peer: str = ''
+    #: The peer's number, in the same unit and from the same run.
     beside: float | None = None
+    #: Target of value/beside, or of the value itself without a peer.
     reach: float | None = None
+    #: Whether the target is a lower limit.
     at_least: bool = False
     note: str = ''
 
@@ -74,22 +65,13 @@ class Figure:
         return found >= self.reach if self.at_least else found <= self.reach
 
     @property
-    def asked(self) -> str:
-        """The target as text."""
-        if self.reach is None:
-            return ''
-        return f"{'at least' if self.at_least else 'at most'} {self.reach:g}"
-
-    @property
-    def verdict(self) -> str:
-        """Whether the target is reached, as text."""
-        return {True: 'reached', False: 'not reached', None: ''}[self.reached]
-
-    @property
     def cells(self) -> tuple[Any, ...]:
-        """What, value, unit, peer's value, peer, ratio, target, verdict."""
-        return (self.what, self.value, self.unit, self.beside, self.peer, self.ratio, self.asked,
-                self.verdict)
+        """Row of a table under `FIGURE_HEAD`."""
+        target = '' if self.reach is None else (
+            f"{'at least' if self.at_least else 'at most'} {self.reach:g}")
+        verdict = {True: 'reached', False: 'not reached', None: ''}[self.reached]
+        return (self.what, self.value, self.unit, self.beside, self.peer, self.ratio, target,
+                verdict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields, ratio and verdict."""
@@ -98,27 +80,16 @@ class Figure:
 
 @dataclass(frozen=True)
 class Row:
-    """
-    A family of figures.
+    """A family of figures."""
 
-    Attributes
-    ----------
-    name : str
-        For ``--only``.
-    what : str
-    measure : callable
-        Called with the share of the usual work (1; small in tests), returns figures. May raise
-        `Skipped`.
-    where : callable, optional
-        Returns as text where the time is spent; called when a target is not reached.
-    long : bool
-        Takes minutes: measured only when it is named.
-    """
-
+    #: For ``--only``.
     name: str
     what: str
+    #: Called with the share of the usual work (1; small in tests); may raise `Skipped`.
     measure: Callable[[float], list[Figure]]
+    #: Returns as text where the time is spent; called when a target is not reached.
     where: Callable[[float], str] | None = None
+    #: Takes minutes: measured only when it is named.
     long: bool = False
 
 
@@ -131,11 +102,6 @@ class Result:
     skipped: str = ''
     where: str = ''
     seconds: float = 0.0
-
-    @property
-    def missed(self) -> list[Figure]:
-        """The figures that miss their targets."""
-        return [figure for figure in self.figures if figure.reached is False]
 
     @property
     def remarks(self) -> list[str]:
@@ -154,14 +120,7 @@ class Result:
 
 
 def choose(rows: Iterable[Row], only: Iterable[str]) -> list[Row]:
-    """
-    Return the named rows; without names all but the long ones.
-
-    Raises
-    ------
-    InputError
-        For a name that no row has.
-    """
+    """Return the named rows, all but the long ones without names; InputError for other names."""
     by_name = {row.name: row for row in rows}
     names = list(only)
     for name in names:
@@ -171,31 +130,17 @@ def choose(rows: Iterable[Row], only: Iterable[str]) -> list[Row]:
     return [by_name[name] for name in names] or [row for row in by_name.values() if not row.long]
 
 
-def run(rows: Iterable[Row], scale: float = 1.0) -> Iterator[Result]:
-    """
-    Measure rows one after the other.
-
-    Parameters
-    ----------
-    rows : iterable of Row
-    scale : float
-        Share of the usual amount of work.
-
-    Yields
-    ------
-    Result
-        After each row.
-    """
-    for row in rows:
-        result, begin = Result(row), time.perf_counter()
-        try:
-            result.figures = row.measure(scale)
-            if result.missed and row.where is not None:
-                result.where = row.where(scale)
-        except Skipped as reason:
-            result.skipped = str(reason)
-        result.seconds = time.perf_counter() - begin
-        yield result
+def run(row: Row, scale: float = 1.0) -> Result:
+    """Measure a row with a share ``scale`` of the usual amount of work."""
+    result, begin = Result(row), time.perf_counter()
+    try:
+        result.figures = row.measure(scale)
+        if row.where is not None and any(each.reached is False for each in result.figures):
+            result.where = row.where(scale)
+    except Skipped as reason:
+        result.skipped = str(reason)
+    result.seconds = time.perf_counter() - begin
+    return result
 
 
 def machine() -> dict[str, Any]:
@@ -238,6 +183,12 @@ def paired(calls: list[Callable[[], Any]], budget: float = 0.5, least: int = 3) 
             call()
             shortest[k] = min(shortest[k], time.process_time() - begin)
     return shortest
+
+
+def children() -> float:
+    """Return the CPU time of all processes that this one has started, s."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def elsewhere(function: str, *arguments: Any, plain: bool = False, **keywords: Any) -> Any:

@@ -12,8 +12,7 @@ import time
 
 import numpy as np
 
-from fam_bundle_ros.benchmarks.speed import Figure, Row
-from fam_bundle_ros.benchmarks.speed_studies import children
+from fam_bundle_ros.benchmarks.speed import children, Figure, Row
 from fam_bundle_ros.campaign import run_campaign
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit, save_model
 

@@ -5,12 +5,11 @@
 from functools import cache
 import importlib.util
 import re
-import resource
 import subprocess
 import sys
 import tempfile
 
-from fam_bundle_ros.benchmarks.speed import Figure, Row
+from fam_bundle_ros.benchmarks.speed import children, Figure, Row
 from fam_bundle_ros.processes import environment
 
 #: Targets: import, s more than `import numpy`; help, s; node, relative to `import rclpy`.
@@ -33,16 +32,12 @@ def seconds(programs: list[str], repeats: int) -> list[float]:
     On an idle machine it is also the wall time, as a start does not wait. The first run of each is
     not counted, so that bytecode exists as after any first start.
     """
-    def spent() -> float:
-        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return usage.ru_utime + usage.ru_stime
-
     taken: dict[str, list[float]] = {program: [] for program in programs}
     for program in programs * (repeats + 1):
-        begin = spent()
+        begin = children()
         subprocess.run([sys.executable, '-c', program + _END], check=True,
                        env=_environment(), capture_output=True)
-        taken[program].append(spent() - begin)
+        taken[program].append(children() - begin)
     return [min(taken[program][1:]) for program in programs]
 
 

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of whole studies: the control benchmark, and `diagnose` on long logs."""
 
-import resource
 import time
 
 import numpy as np
 
 from fam_bundle_ros.benchmarks import control
 from fam_bundle_ros.benchmarks.plants import paper_bundle
-from fam_bundle_ros.benchmarks.speed import Figure, Row, where_of
+from fam_bundle_ros.benchmarks.speed import children, Figure, Row, where_of
 from fam_bundle_ros.model import Bundle, Motion
 
 #: Target of the control benchmark on two cores, s.
@@ -27,12 +26,6 @@ def control_benchmark(scale: float) -> list[Figure]:
     spent = time.perf_counter() - begin
     return [Figure(f'{len(found.rows)} runs', spent, 's on two cores', reach=REACH_CONTROL,
                    note=f'{children() - cpu:.0f} s of CPU time')]
-
-
-def children() -> float:
-    """Return the CPU time of all processes that this one has started, s."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
 
 
 def where_control(scale: float) -> str:

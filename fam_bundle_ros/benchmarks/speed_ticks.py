@@ -3,7 +3,6 @@
 """Rows of single ticks, without numba as in a node: controller, allocation, rig, pressure loop."""
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from fam_bundle_ros.control import (
     RecruitmentController,
     Reference,
 )
-from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Rig, RigConfig
 from fam_bundle_ros.simulation import pid_config
 
@@ -40,17 +38,6 @@ def _controller(ticks: int) -> tuple[Callable[..., Any], list[tuple[Measurement,
                Reference('strain', trajectory.value(k * _PERIOD), trajectory.rate(k * _PERIOD)))
               for k in range(len(log.time))]
     return RecruitmentController(bundle, ControllerConfig()).update, inputs
-
-
-def _allocator(bundle: Bundle) -> tuple[Allocator, float]:
-    allocator = Allocator(bundle)
-    return allocator, float(allocator.curves(Instant(0.12)).top[-1])
-
-
-def _allocate(allocator: Allocator, top: float, count: int) -> None:
-    units = range(allocator.bundle.n)
-    for k in range(count):
-        allocator.curves(Instant(0.12 + 1e-5 * k)).fill(top * (k + 1) / (count + 1), units)
 
 
 def microseconds(ticks: int, budget: float) -> dict[str, float]:
@@ -84,9 +71,14 @@ def _work(ticks: int) -> dict[str, Callable[[], None]]:
         for k in range(ticks):
             loop.update(1e5 + 50.0 * k, 1e5 + 49.0 * k, _PERIOD)
 
-    six = _allocator(paper_bundle(6))
-    return {'controller': control, 'allocation': partial(_allocate, *six, ticks),
-            'rig': simulate, 'pid': regulate}
+    six = Allocator(paper_bundle(6))
+    top = float(six.curves(Instant(0.12)).top[-1])
+
+    def allocate() -> None:
+        for k in range(ticks):
+            six.curves(Instant(0.12 + 1e-5 * k)).fill(top * (k + 1) / (ticks + 1), range(6))
+
+    return {'controller': control, 'allocation': allocate, 'rig': simulate, 'pid': regulate}
 
 
 def measure(scale: float) -> list[Figure]:

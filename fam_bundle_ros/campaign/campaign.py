@@ -163,52 +163,50 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
         raise InputError(f'{out}: holds the recordings; expected another folder for the results')
     path = model_path(model)
     wanted = job.Model.of(path, allow_python)
-    bundle, digest = wanted.bundle(), wanted.digest
+    bundle = wanted.bundle()
+    table = None if specimens is None else Path(specimens)
     skip = [] if recipe is None or isinstance(recipe, Recipe) else [Path(recipe)]
     how = recipe if isinstance(recipe, Recipe) else (
         Recipe() if recipe is None else load_recipe(recipe))
     chosen = choices or Choices()
-    recordings = find(folder, None if specimens is None else Path(specimens), pattern,
-                      tuple(skip))
-    jobs = [job.Job.of(recording, wanted, how, chosen) for recording in recordings]
-    addresses = [each.address(digest) for each in jobs]
+    jobs = [job.Job(recording, wanted, how, chosen)
+            for recording in find(folder, table, pattern, tuple(skip))]
     store = Store(out / 'recordings')
     write_whole(out / MARK, json.dumps({
         'format': FORMAT, 'folder': str(folder.resolve()), 'model': str(path.resolve()),
-        'model_sha256': digest, 'recipe': asdict(how), 'choices': asdict(chosen),
-        'specimens': None if specimens is None else str(Path(specimens).resolve()),
+        'model_sha256': wanted.digest, 'recipe': asdict(how), 'choices': asdict(chosen),
+        'specimens': None if table is None else str(table.resolve()),
         'code': code_version()}, indent=1))
-    todo = {address: each for address, each, recording in zip(addresses, jobs, recordings)
-            if not recording.problem and not store.is_done(address)}
-    left = list(todo.items())
+    # recordings with the same address have the same result
+    left = list({each.address: each for each in jobs if not each.recording.problem
+                 and not store.is_done(each.address)}.values())
     for done, (place, result) in enumerate(as_done(
-            job.run, [each for _, each in left], workers, scheduler, job.lost), 1):
-        address, each = left[place]
-        store.write(address, result)
+            job.run, left, workers, scheduler, job.lost), 1):
+        store.write(left[place].address, result)
         if progress:
-            progress(done, len(left), each.file)
-    found = _together(bundle, recordings, addresses, store, len(left))
+            progress(done, len(left), left[place].recording.file)
+    found = _together(bundle, jobs, store, len(left))
     for name in ('recordings', 'effects', 'parameters'):
         tables.write_parquet(name, getattr(found, name), out / f'{name}.parquet')
     return found
 
 
-def _together(bundle: Bundle, recordings: list[Recording], addresses: list[str], store: Store,
-              computed: int) -> Campaign:
+def _together(bundle: Bundle, jobs: list[job.Job], store: Store, computed: int) -> Campaign:
     """Return the campaign: tables of all results, and their statistics."""
     rows: list[Row] = []
     effects: list[Row] = []
     parameters: list[Row] = []
     # of files with equal content, one in the table of specimens is the original
     first: dict[str, str] = {}
+    recordings = [each.recording for each in jobs]
     for recording in sorted(recordings, key=lambda each: each.specimen is None):
         first.setdefault(recording.sha256, recording.file)
-    for recording, address in zip(recordings, addresses):
+    for each, recording in zip(jobs, recordings):
         # one at a time, to save memory
-        result = {'error': recording.problem} if recording.problem else store.read(address)
+        result = {'error': recording.problem} if recording.problem else store.read(each.address)
         assert result is not None
         original = '' if recording.problem else first[recording.sha256]
-        rows.append(tables.recording_row(recording, result, address,
+        rows.append(tables.recording_row(recording, result, each.address,
                                          '' if original == recording.file else original))
         effects += tables.effect_rows(recording, result)
         parameters += tables.parameter_rows(recording, result)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 import hashlib
 import json
 from pathlib import Path
@@ -28,14 +28,7 @@ FORMAT = 'fam-bundle-campaign-result/1'
 
 @dataclass(frozen=True)
 class Model:
-    """
-    The text of a model file, with its name and the folder of relative paths in it.
-
-    Attributes
-    ----------
-    text, where, folder : str
-    allow_python : bool
-    """
+    """The text of a model file, with its name and the folder of relative paths in it."""
 
     text: str
     where: str
@@ -55,7 +48,7 @@ class Model:
         """Return the model as a `Bundle`."""
         return _bundle(self)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Hash of the text and of the content of every table and Python file that it names."""
         whole = hashlib.sha256(self.text.encode())
@@ -74,45 +67,27 @@ def _bundle(model: Model) -> Bundle:
 
 @dataclass(frozen=True)
 class Job:
-    """
-    All data for the diagnosis of one recording by a worker process; picklable.
+    """All data for the diagnosis of one recording by a worker process; picklable."""
 
-    Attributes
-    ----------
-    file, path, sha256 : str
-    model : Model
-        With nominal dimensions.
-    dimensions : tuple of (str, float)
-        Known dimensions of this specimen, SI.
-    recipe : Recipe
-    choices : Choices
-    """
-
-    file: str
-    path: str
-    sha256: str
+    #: With the known dimensions of its specimen.
+    recording: Recording
+    #: With nominal dimensions.
     model: Model
-    dimensions: tuple[tuple[str, float], ...]
     recipe: Recipe
     choices: Choices
 
-    @classmethod
-    def of(cls, recording: Recording, model: Model, recipe: Recipe, choices: Choices) -> Job:
-        """Return the job of a recording."""
-        dimensions = {} if recording.specimen is None else recording.specimen.dimensions
-        return cls(recording.file, str(recording.path), recording.sha256, model,
-                   tuple(sorted(dimensions.items())), recipe, choices)
-
-    def address(self, model_digest: str) -> str:
+    @cached_property
+    def address(self) -> str:
         """
-        Return the hash of everything on which the result depends.
+        Hash of everything on which the result depends.
 
         This is the data, the model, the specimen's dimensions, the recipe, the choices and the
         code, but not the name or folder of the file.
         """
-        parts = {'format': FORMAT, 'data': self.sha256, 'model': model_digest,
-                 'dimensions': self.dimensions, 'recipe': plain(self.recipe),
-                 'choices': plain(self.choices), 'code': code_version()}
+        parts = {'format': FORMAT, 'data': self.recording.sha256, 'model': self.model.digest,
+                 'dimensions': sorted(self.recording.dimensions.items()),
+                 'recipe': plain(self.recipe), 'choices': plain(self.choices),
+                 'code': code_version()}
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
 
@@ -120,12 +95,9 @@ def run(job: Job) -> dict[str, Any]:
     """
     Return the result of a recording as plain values.
 
-    Returns
-    -------
-    dict
-        ``error`` (empty if it succeeded), ``passing`` (True if the error is due to the machine,
-        not to the data: the next run tries again), ``data``, ``compare`` and ``diagnose`` (the
-        JSON of the commands of these names).
+    They are ``error`` (empty if it succeeded), ``passing`` (True if the error is due to the
+    machine, not to the data: the next run tries again), ``data``, ``compare`` and ``diagnose``
+    (the JSON of the commands of these names).
     """
     try:
         return _done(job)
@@ -144,17 +116,18 @@ def lost(job: Job) -> dict[str, Any]:
 
 
 def _done(job: Job) -> dict[str, Any]:
-    path = Path(job.path)
+    path, dimensions = job.recording.path, job.recording.dimensions
     if not path.exists():
         raise FileNotFoundError(f'{path} is not there on {socket.gethostname()}; expected every '
                                 'worker to see the folder under the same path')
     model = job.model.bundle()
-    if job.dimensions:
-        model = model.with_parameters({f'geometry.{k}': value for k, value in job.dimensions})
+    if dimensions:
+        model = model.with_parameters({f'geometry.{k}': value
+                                       for k, value in dimensions.items()})
     # a result must not be stored under the hash of other data
-    if file_digest(path) != job.sha256:
+    if file_digest(path) != job.recording.sha256:
         raise OSError('it was changed while the campaign ran')
-    told = job.recipe.merged(rest_length=dict(job.dimensions).get('length'))
+    told = job.recipe.merged(rest_length=dimensions.get('length'))
     measured = read_measurement(path, recipe=recipe_for(model, told))
     result = diagnose(model, measured, choices=job.choices)
     compared, diagnosed = result.comparison.to_dict(), result.to_dict()

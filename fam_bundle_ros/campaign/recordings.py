@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Find the recordings of a campaign: files of a folder and rows of a table of specimens."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatch
 import os
@@ -21,28 +21,23 @@ _BAG = 'metadata.yaml'
 
 @dataclass(frozen=True)
 class Recording:
-    """
-    One recording of a campaign.
+    """One recording of a campaign."""
 
-    Attributes
-    ----------
-    file : str
-        Path relative to the folder, absolute if it is elsewhere: the key of every table.
-    path : Path
-        Absolute path.
-    sha256 : str
-        Hash of its content; empty if it cannot be read.
-    specimen : Specimen or None
-        Its row in the table of specimens.
-    problem : str
-        Why it cannot be read; empty if it can.
-    """
-
+    #: Path relative to the folder, absolute if it is elsewhere: the key of every table.
     file: str
+    #: Absolute path.
     path: Path
+    #: Hash of its content; empty if it cannot be read.
     sha256: str
+    #: Its row in the table of specimens.
     specimen: Specimen | None = None
+    #: Why it cannot be read; empty if it can.
     problem: str = ''
+
+    @property
+    def dimensions(self) -> Mapping[str, float]:
+        """Known dimensions of the specimen, SI."""
+        return {} if self.specimen is None else self.specimen.dimensions
 
     @property
     def muscle(self) -> str:

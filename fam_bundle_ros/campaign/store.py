@@ -13,14 +13,7 @@ from fam_bundle_ros.errors import InputError
 
 @dataclass(frozen=True)
 class Store:
-    """
-    Results by address (`job.Job.address`); files are written atomically.
-
-    Attributes
-    ----------
-    folder : Path
-        Made if it does not exist.
-    """
+    """Results by address (`job.Job.address`); the folder is made if it does not exist."""
 
     folder: Path
 

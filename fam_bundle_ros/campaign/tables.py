@@ -64,13 +64,13 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
     duplicate_of : str
         First file with the same content; empty if there is none.
     """
-    row: Row = {'file': recording.file, 'muscle': recording.muscle,
-                'status': 'failed' if result['error'] else 'done',
-                'error': result['error'].removeprefix(f'{recording.path.name}: '),
-                'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None}
     data, compared, diagnosed = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
     error, recommended = diagnosed.get('error_N', {}), diagnosed.get('recommended', {})
-    row.update({
+    row: Row = {
+        'file': recording.file, 'muscle': recording.muscle,
+        'status': 'failed' if result['error'] else 'done',
+        'error': result['error'].removeprefix(f'{recording.path.name}: '),
+        'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None,
         'rows': data.get('rows'), 'trials': data.get('trials'),
         'rows_dropped': sum(data.get('dropped', {}).values()) if data else None,
         'model_error_N': error.get('model'), 'recalibrated_error_N': error.get('recalibrated'),
@@ -86,9 +86,8 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
         'tied': '; '.join(', '.join(group) for group in diagnosed.get('tied', [])),
         'notes': '; '.join(diagnosed.get('notes', [])),
         'noise_floor_N': diagnosed.get('noise_floor_N'), 'seconds': diagnosed.get('seconds'),
-        'data_sha256': recording.sha256, 'address': address})
-    return {**{name: value for name, value in facts_of(recording.specimen).items()
-               if name not in row}, **row}
+        'data_sha256': recording.sha256, 'address': address}
+    return {**facts_of(recording.specimen), **row}
 
 
 def effect_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]:
@@ -134,13 +133,13 @@ def write_parquet(name: str, rows: list[Row], path: Path) -> None:
         Key of `COLUMNS`.
     """
     import pandas
-    types = COLUMNS[name]
-    others = {key: any(isinstance(row.get(key), float) for row in rows)
-              for row in rows for key in row if key not in types}
-    plain = [{**row, **{key: None for key, is_number in others.items()
-                        if is_number and isinstance(row.get(key), str)}} for row in rows]
-    frame = pandas.DataFrame(plain, columns=[*types, *others]).astype(
-        {**types, **{key: 'float64' if is_number else 'string'
-                     for key, is_number in others.items()}})
+    types = dict(COLUMNS[name])
+    others = dict.fromkeys(key for row in rows for key in row if key not in types)
+    frame = pandas.DataFrame(rows, columns=[*types, *others])
+    for key in others:
+        numbers = frame[key].where(frame[key].map(lambda cell: isinstance(cell, float)))
+        types[key] = 'float64' if numbers.notna().any() else 'string'
+        if types[key] == 'float64':
+            frame[key] = numbers
     with whole(path) as draft:
-        frame.to_parquet(draft, engine='pyarrow', index=False)
+        frame.astype(types).to_parquet(draft, engine='pyarrow', index=False)

@@ -9,8 +9,9 @@ import typer
 import fam_bundle_ros
 from fam_bundle_ros.cli.bench_commands import bench, benchmark_control, benchmark_discovery
 from fam_bundle_ros.cli.campaign_commands import campaign
-from fam_bundle_ros.cli.data_commands import compare, convert, diagnose, workbench
+from fam_bundle_ros.cli.data_commands import compare, convert, workbench
 from fam_bundle_ros.cli.demo import demo
+from fam_bundle_ros.cli.diagnose_command import diagnose
 from fam_bundle_ros.cli.fault_commands import benchmark_faults
 from fam_bundle_ros.cli.improve_commands import add, ladder
 from fam_bundle_ros.cli.measure_command import measure

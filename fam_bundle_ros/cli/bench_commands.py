@@ -13,7 +13,6 @@ from fam_bundle_ros.cli.common import (
     JsonFile,
     Names,
     notes,
-    open_model,
     PageFile,
     progress_bar,
     save_json,
@@ -23,7 +22,7 @@ from fam_bundle_ros.cli.common import (
     WorkersOption,
 )
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.resources import model_path
+from fam_bundle_ros.resources import config_path
 
 
 def benchmark_control(
@@ -52,24 +51,19 @@ def benchmark_control(
     (`figures`, `plants`, `not_reached`) and `over_ros`.
     """
     from fam_bundle_ros.benchmarks import control
-    from fam_bundle_ros.report.control_tables import (
-        figure_cells,
-        FIGURE_HEAD,
-        plant_cells,
-        PLANT_HEAD,
-    )
+    from fam_bundle_ros.report import control_pages as pages
     known = [str(n) for n in control.UNITS]
     others = [] if controllers == 'none' else pick(controllers, control.OTHERS, '--controllers')
     cases = control.cases_of(
         pick(plants, control.PLANTS, '--plants'),
         pick(trajectories, control.TRAJECTORIES, '--trajectories'),
-        [int(n) for n in pick(units, known, '--units')], others, _whole(seeds, '--seeds'), full)
+        [int(n) for n in pick(units, known, '--units')], others, _whole(seeds), full)
     with counter('benchmark-control') as tick:
         result = control.run_benchmark(cases, workers, scheduler=scheduler, progress=tick)
-    table(PLANT_HEAD, [plant_cells(line) for line in result.summary['plants']],
+    table(pages.PLANT_HEAD, [pages.plant_cells(line) for line in result.summary['plants']],
           title='reversal_aware and equal_pressure, the worst plant first',
-          numeric=tuple(range(1, len(PLANT_HEAD))))
-    table(FIGURE_HEAD, [figure_cells(figure) for figure in result.summary['figures']],
+          numeric=tuple(range(1, len(pages.PLANT_HEAD))))
+    table(pages.FIGURE_HEAD, [pages.figure_cells(figure) for figure in result.summary['figures']],
           title=f'{len(cases)} cases, {len(result.rows)} runs, {result.seconds:.0f} s',
           numeric=(1, 2, 3))
     for sentence in result.summary['not_reached']:
@@ -80,10 +74,9 @@ def benchmark_control(
               [(row['through'], row['tracking_rms'], row['largest_error'], row['switches'],
                 1e6 * row['air_mass']) for row in over_ros], numeric=(1, 2, 3, 4))
     if out is not None:
-        from fam_bundle_ros.report.control_pages import benchmark_page
-        shipped = control.MODEL.rpartition('/')[2].removesuffix('.yaml')
-        save_page(out, benchmark_page(result, open_model(shipped), seeds, over_ros,
-                                      [('model file', model_path(shipped))]))
+        from fam_bundle_ros.benchmarks.plants import MODEL, paper_bundle
+        save_page(out, pages.benchmark_page(result, paper_bundle(2), seeds, over_ros,
+                                            [('model file', config_path(MODEL))]))
     save_json(json_file, {**result.to_json(), 'over_ros': over_ros})
 
 
@@ -192,8 +185,8 @@ def bench(
     with progress_bar('bench') as tick:
         for row in chosen:
             tick(len(results) / len(chosen), row.name)
-            results += speed.run([row], scale)
-    table(('row', 'what', 'measured', 'unit', 'peer value', 'peer', 'ratio', 'target', ''),
+            results.append(speed.run(row, scale))
+    table(('row', *speed.FIGURE_HEAD),
           [cells for result in results for cells in _cells(result)], numeric=(2, 4, 6, 7))
     for result in results:
         for line in result.remarks:
@@ -256,9 +249,9 @@ def pick(text: str, known: Any, option: str) -> list[str]:
     return names
 
 
-def _whole(text: str, option: str) -> list[int]:
+def _whole(text: str) -> list[int]:
     try:
         return [int(part) for part in text.split(',')]
     except ValueError:
-        raise InputError(f"{option}: '{text}' is not a list of whole numbers; expected for "
+        raise InputError(f"--seeds: '{text}' is not a list of whole numbers; expected for "
                          'example 1,2,3') from None

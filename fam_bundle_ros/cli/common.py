@@ -4,7 +4,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import functools
 import inspect
 from pathlib import Path
@@ -22,7 +22,7 @@ import typer
 from fam_bundle_ros import palette
 from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.report.numbers import shown
-from fam_bundle_ros.resources import model_path
+from fam_bundle_ros.resources import data_path, model_path
 
 #: Width for a pipe or a file, large enough that no row of a table is wrapped.
 _PIPE_WIDTH = 160
@@ -74,24 +74,47 @@ ModelOption = Annotated[str, typer.Option('--model', '-m', metavar='MODEL', help
                                           'name of a shipped model.')]
 
 
+_PANEL = 'How the data are read'
+
+
 @dataclass(frozen=True)
 class Reading:
     """Options of all commands on data: how a measurement is read."""
 
-    columns: tuple[str, ...] = ()
-    rest_length: str | None = None
-    gauge: bool | None = None
-    max_pressure: str | None = None
-    max_strain: float | None = None
-    sheet: str | None = None
-    drop_bad: bool | None = None
-    recipe: Path | None = None
-    save_recipe: Path | None = None
+    columns: Annotated[list[str] | None, typer.Option(
+        '--columns', metavar='QUANTITY=COLUMN', rich_help_panel=_PANEL, help='What a column is: '
+        '"length=L \\[mm]", "force=-F \\[N]" to invert the sign, "force=AI1 * 50 N - 2 N" with a '
+        'calibration, "pressure=300 kPa" for a constant, "time=100 Hz", "trial=none" for no '
+        'column. May be given several times.')] = None
+    rest_length: Annotated[str | None, typer.Option(
+        '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
+        'for data with lengths; by default that of the file, else of the model.')] = None
+    gauge: Annotated[bool | None, typer.Option(
+        '--gauge/--absolute', rich_help_panel=_PANEL, show_default=False, help='Whether pressures '
+        'are gauge or absolute, if the header does not say it.')] = None
+    max_pressure: Annotated[str | None, typer.Option(
+        '--max-pressure', metavar='PRESSURE', rich_help_panel=_PANEL, help='Highest pressure of '
+        'the muscle, "20 MPa", if it is above 1 MPa.')] = None
+    max_strain: Annotated[float | None, typer.Option(
+        '--max-strain', rich_help_panel=_PANEL, help='Highest strain of the muscle, if it is '
+        'above 0.5.')] = None
+    sheet: Annotated[str | None, typer.Option(
+        '--sheet', metavar='NAME', rich_help_panel=_PANEL, help='Sheet of a workbook, group of a '
+        '.tdms file, variable of a .mat file.')] = None
+    drop_bad: Annotated[bool | None, typer.Option(
+        '--drop-bad', rich_help_panel=_PANEL, show_default=False, help='Leave out, and count, '
+        'rows with a word instead of a number.')] = None
+    recipe: Annotated[Path | None, typer.Option(
+        '--recipe', metavar='FILE', rich_help_panel=_PANEL, help='Read these options from a file.'
+    )] = None
+    save_recipe: Annotated[Path | None, typer.Option(
+        '--save-recipe', metavar='FILE', rich_help_panel=_PANEL, help='Write these options and '
+        'the recognised columns to a file, for further recordings.')] = None
 
     @property
     def words(self) -> str:
         """The options as on a command line, for another command that reads the same file."""
-        words = [f'--columns {shlex.quote(text)}' for text in self.columns]
+        words = [f'--columns {shlex.quote(text)}' for text in self.columns or ()]
         words += [f'--{key.replace("_", "-")} {shlex.quote(str(value))}' for key, value in (
             ('rest_length', self.rest_length), ('max_pressure', self.max_pressure),
             ('max_strain', self.max_strain), ('sheet', self.sheet), ('recipe', self.recipe))
@@ -101,40 +124,6 @@ class Reading:
         return ' '.join([*words, *(['--drop-bad'] if self.drop_bad else [])])
 
 
-_PANEL = 'How the data are read'
-_READING: dict[str, Any] = {
-    'columns': Annotated[list[str] | None, typer.Option(
-        '--columns', metavar='QUANTITY=COLUMN', rich_help_panel=_PANEL, help='What a column is: '
-        '"length=L \\[mm]", "force=-F \\[N]" to invert the sign, "force=AI1 * 50 N - 2 N" with a '
-        'calibration, "pressure=300 kPa" for a constant, "time=100 Hz", "trial=none" for no '
-        'column. May be given several times.')],
-    'rest_length': Annotated[str | None, typer.Option(
-        '--rest-length', metavar='LENGTH', rich_help_panel=_PANEL, help='Rest length, "127 mm", '
-        'for data with lengths; by default that of the file, else of the model.')],
-    'gauge': Annotated[bool | None, typer.Option(
-        '--gauge/--absolute', rich_help_panel=_PANEL, show_default=False, help='Whether pressures '
-        'are gauge or absolute, if the header does not say it.')],
-    'max_pressure': Annotated[str | None, typer.Option(
-        '--max-pressure', metavar='PRESSURE', rich_help_panel=_PANEL, help='Highest pressure of '
-        'the muscle, "20 MPa", if it is above 1 MPa.')],
-    'max_strain': Annotated[float | None, typer.Option(
-        '--max-strain', rich_help_panel=_PANEL, help='Highest strain of the muscle, if it is '
-        'above 0.5.')],
-    'sheet': Annotated[str | None, typer.Option(
-        '--sheet', metavar='NAME', rich_help_panel=_PANEL, help='Sheet of a workbook, group of a '
-        '.tdms file, variable of a .mat file.')],
-    'drop_bad': Annotated[bool | None, typer.Option(
-        '--drop-bad', rich_help_panel=_PANEL, show_default=False, help='Leave out, and count, '
-        'rows with a word instead of a number.')],
-    'recipe': Annotated[Path | None, typer.Option(
-        '--recipe', metavar='FILE', rich_help_panel=_PANEL, help='Read these options from a file.'
-    )],
-    'save_recipe': Annotated[Path | None, typer.Option(
-        '--save-recipe', metavar='FILE', rich_help_panel=_PANEL, help='Write these options and '
-        'the recognised columns to a file, for further recordings.')],
-}
-
-
 def reads_data(command: Callable[..., None]) -> Callable[..., None]:
     """
     Add the options of `Reading` to a command, which gets them as its argument ``reading``.
@@ -142,23 +131,23 @@ def reads_data(command: Callable[..., None]) -> Callable[..., None]:
     Typer reads options from the signature, so the command's signature is extended.
     """
     signature = inspect.signature(command)
-    own = [entry for name, entry in signature.parameters.items() if name != 'reading']
-    more = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-            for name, kind in _READING.items()]
+    own = [entry.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+           for name, entry in signature.parameters.items() if name != 'reading']
+    more = [inspect.Parameter(each.name, inspect.Parameter.KEYWORD_ONLY, default=None,
+                              annotation=each.type) for each in fields(Reading)]
 
     @functools.wraps(command)
     def extended(**given: Any) -> None:
-        options = {name: given.pop(name) for name in _READING}
-        options['columns'] = tuple(options['columns'] or ())
-        command(**given, reading=Reading(**options))
+        reading = Reading(**{each.name: given.pop(each.name) for each in fields(Reading)})
+        command(**given, reading=reading)
 
     extended.__signature__ = signature.replace(  # type: ignore[attr-defined]
-        parameters=[entry.replace(kind=inspect.Parameter.KEYWORD_ONLY) for entry in own] + more)
+        parameters=own + more)
     extended.__annotations__ = {entry.name: entry.annotation for entry in [*own, *more]}
     return extended
 
 
-def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) -> Any:
+def read_data(files: Sequence[str], reading: Reading, model: Any = None) -> Any:
     """
     Return the Measurement of one or more files, and print how their columns were recognised.
 
@@ -176,7 +165,7 @@ def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) ->
     from fam_bundle_ros.discovery.reading import length_of, recipe_for
     recipe = Recipe() if reading.recipe is None else load_recipe(reading.recipe)
     columns = {}
-    for entry in reading.columns:
+    for entry in reading.columns or ():
         key, found, column = entry.partition('=')
         if not found or not column.strip():
             raise InputError(f"--columns '{entry}'; expected QUANTITY=COLUMN, for example "
@@ -193,11 +182,10 @@ def read_data(data: str | Sequence[str], reading: Reading, model: Any = None) ->
         notes.print(f'note: --rest-length is {1e3 * recipe.rest_length:.4g} mm, the length of '
                     f'{model.name} {1e3 * length:.4g} mm')
     used = recipe if model is None else recipe_for(model, recipe)
-    recordings = read_recordings([data] if isinstance(data, str) else data, recipe=used)
+    recordings = read_recordings(files, recipe=used)
     for measured in recordings:
-        words = taken_words(measured)
-        for line in [*([words] if words else []), *([measured.dropped_words] if measured.dropped
-                                                    else []), *measured.notes]:
+        dropped = measured.dropped_words if measured.dropped else ''
+        for line in filter(None, (taken_words(measured), dropped, *measured.notes)):
             notes.print(escape(f'{measured.name}: {line}'), style='dim', soft_wrap=True)
     if reading.save_recipe is not None:
         save_recipe(recipe_of(measured, recipe), reading.save_recipe)
@@ -211,17 +199,20 @@ def open_model(name: str, allow_python: bool = False):
     return load_model(model_path(name), allow_python=allow_python)
 
 
-def show_muscle(bundle: Any, chosen: bool = True) -> None:
-    """
-    Print the muscle of a result: the model's name and geometry.
-
-    If the user did not choose it (``chosen`` False), another line says so.
-    """
-    from fam_bundle_ros.model.own_muscle import muscle_words
-    console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
-    if not chosen:
+def chosen_model(name: str | None, allow_python: bool = False):
+    """Return the chosen model, by default the bundle of the paper, and print its muscle."""
+    bundle = open_model(name or PAPER, allow_python)
+    show_muscle(bundle)
+    if name is None:
         console.print('no model was chosen: this is the bundle of the paper; for another give its '
                       'model file (fam_bundle new-model writes one)', style='dim', soft_wrap=True)
+    return bundle
+
+
+def show_muscle(bundle: Any) -> None:
+    """Print the muscle of a result: the model's name and geometry."""
+    from fam_bundle_ros.model.own_muscle import muscle_words
+    console.print(escape(muscle_words(bundle)), style='dim', soft_wrap=True)
 
 
 def muscle_of(bundle: Any) -> dict[str, Any]:
@@ -277,6 +268,18 @@ def wrote(*paths: Path | str) -> None:
     """Print on stderr which files were written."""
     for path in paths:
         notes.print(f'wrote {path}', style='dim', soft_wrap=True)
+
+
+def page_files(recordings: Sequence[str], models: Sequence[str]) -> list[tuple[str, Path]]:
+    """Return the files of a result for the provenance of its page."""
+    return [*(('measurement', data_path(data)) for data in recordings),
+            *(('model file', model_path(model)) for model in models)]
+
+
+def check_first(result: Any) -> None:
+    """Print mistakes in the data that a comparison suspects."""
+    for slip in result.slips:
+        console.print(f'[bold]check first[/bold]: {escape(slip)}', soft_wrap=True)
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = '',

@@ -16,6 +16,7 @@ from fam_bundle_ros.cli.common import (
     muscle_of,
     notes,
     open_model,
+    page_files,
     PageFile,
     parameter_table,
     read_data,
@@ -29,7 +30,7 @@ from fam_bundle_ros.cli.common import (
     yaml_to_write,
 )
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.resources import data_path, model_path
+from fam_bundle_ros.resources import model_path
 
 #: Largest number of effects whose orders are shown.
 _MOST_ORDERED = 3
@@ -121,7 +122,7 @@ def ladder(
     """Show the error of one model after the other on the same data, against the noise floor."""
     from fam_bundle_ros import discovery
     bundles = [open_model(model, allow_python) for model in models]
-    measured = read_data(data, reading, bundles[0])
+    measured = read_data([data], reading, bundles[0])
     with notes.status('refitting without held-out blocks'):
         result = discovery.ladder(measured, bundles)
         orders = _orders(bundles, measured)
@@ -140,9 +141,7 @@ def ladder(
                for order, errors in orders.items()])
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import ladder_page
-        files = [('measurement', data_path(data)),
-                 *(('model file', model_path(model)) for model in models)]
-        save_page(out, ladder_page(result, orders, files))
+        save_page(out, ladder_page(result, orders, page_files([data], models)))
     save_json(json_file, {**result.to_dict(), 'orders': orders, 'muscle': muscle_of(bundles[0]),
                           'data': measured.to_dict()})
 

@@ -11,6 +11,7 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
+    chosen_model,
     confirm,
     console,
     ControllerModel,
@@ -18,11 +19,9 @@ from fam_bundle_ros.cli.common import (
     Namespace,
     notes,
     open_model,
-    PAPER,
     PlantModel,
     progress_bar,
     save_json,
-    show_muscle,
     table,
     wrote,
 )
@@ -66,9 +65,8 @@ def measure(
         raise InputError('--rig without --model; expected the model file of the muscles on the '
                          'rig' if model is None else '--rig and --plant-model exclude each other')
     plan = read_protocol(protocol)
-    bundle = open_model(model or PAPER, allow_python)
+    bundle = chosen_model(model, allow_python)
     plant = None if plant_model is None else open_model(plant_model, allow_python)
-    show_muscle(bundle, model is not None)
     if not rig:
         allowed, bundle = bundle, with_room(plan, bundle)
         plant = None if plant is None else with_room(plan, plant)

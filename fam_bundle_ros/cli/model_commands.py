@@ -10,6 +10,7 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
+    chosen_model,
     console,
     effect_name,
     JsonFile,
@@ -53,8 +54,7 @@ def draw_map(
     if model is not None and model_option is not None:
         raise InputError(f'MODEL is {model} and --model is {model_option}; expected one of them')
     model = model or model_option
-    bundle = open_model(model or PAPER, allow_python)
-    show_muscle(bundle, model is not None)
+    bundle = chosen_model(model, allow_python)
     ends = None if tendon is None else compare_ends(bundle, quantity(tendon, 'm', '--tendon'))
     figures = paper_figures(bundle)
     write_page(out, map_page(bundle, figures, model_path(model or PAPER), ends))

@@ -73,7 +73,7 @@ def new_model(
     from fam_bundle_ros.atomic import write_whole
     from fam_bundle_ros.model import own_muscle
     if listed:
-        _list(own_muscle)
+        _list()
         return
     if out is None:
         raise InputError('new-model: no OUT; expected the name of the model file (.yaml) to write')
@@ -91,7 +91,9 @@ def new_model(
     if ask is None:
         ask = sys.stdin.isatty() and sys.stdout.isatty()
     if ask and part is None and not any(given.values()):
-        part = _asked_part(own_muscle)
+        known = ', '.join(each.name for each in own_muscle.PARTS)
+        part = typer.prompt(f'Part ({known}), or Enter for dimensions of your own', default='',
+                            show_default=False, err=True).strip() or None
     stock = None if part is None else own_muscle.find_part(part, '--part')
     values = {**(stock.values if stock else {}), 'muscles': '1',
               **{key: value for key, value in given.items() if value is not None}}
@@ -106,7 +108,10 @@ def new_model(
     bundle = own_muscle.new_bundle(name or out.stem, values, effects or own_muscle.START_EFFECTS,
                                    lambda entry: entry.option)
     if stock is not None:
-        _check_length(stock, bundle)
+        low, high = stock.lengths
+        if not low <= bundle.length <= high:
+            notes.print(f'note: {stock.title} is sold from {1e3 * low:g} to {1e3 * high:g} mm; '
+                        f'--length is {1e3 * bundle.length:g} mm')
     origin = (f'{stock.title}: a catalogue part' if stock else 'A muscle of your own')
     write_whole(out, own_muscle.model_text(bundle, values, sources,
                                            f'{origin}, written by fam_bundle new-model.'))
@@ -149,7 +154,8 @@ def _write_bundle(out: Path, start: str, given: dict, tendons: bool, name: str |
                           'effects': [effect.name for effect in bundle.effects]})
 
 
-def _list(own_muscle) -> None:
+def _list() -> None:
+    from fam_bundle_ros.model import own_muscle
     for part in own_muscle.PARTS:
         low, high = part.lengths
         table(('value', '', 'source'),
@@ -159,13 +165,6 @@ def _list(own_muscle) -> None:
         console.print()
 
 
-def _asked_part(own_muscle) -> str | None:
-    known = ', '.join(part.name for part in own_muscle.PARTS)
-    answer = typer.prompt(f'Part ({known}), or Enter for dimensions of your own', default='',
-                          show_default=False, err=True).strip()
-    return answer or None
-
-
 def _ask(entry, values: dict[str, str], sources: dict[str, str]) -> None:
     """Ask for one value; Enter accepts the default."""
     before = values.get(entry.key)
@@ -173,10 +172,3 @@ def _ask(entry, values: dict[str, str], sources: dict[str, str]) -> None:
                                      default=before, err=True).strip()
     if values[entry.key] != before:
         sources.pop(entry.key, None)
-
-
-def _check_length(part, bundle) -> None:
-    low, high = part.lengths
-    if not low <= bundle.length <= high:
-        notes.print(f'note: {part.title} is sold from {1e3 * low:g} to {1e3 * high:g} mm; '
-                    f'--length is {1e3 * bundle.length:g} mm')

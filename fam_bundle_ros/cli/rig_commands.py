@@ -10,6 +10,7 @@ import typer
 
 from fam_bundle_ros.cli.common import (
     AllowPython,
+    chosen_model,
     confirm,
     console,
     ControllerModel,
@@ -21,7 +22,6 @@ from fam_bundle_ros.cli.common import (
     progress_bar,
     quantity,
     save_json,
-    show_muscle,
     table,
     wrote,
 )
@@ -77,7 +77,7 @@ def run(
     # if a parameter file or --ros-args may name another model, the nodes log it
     if model is not None or not (given or any('model' in word or 'params-file' in word
                                               for word in context.args)):
-        show_muscle(open_model(model or PAPER), model is not None)
+        chosen_model(model)
     arguments = ['fam_bundle run', *given, *context.args]
     if own:
         arguments += ['--ros-args', *own, '--']
@@ -135,8 +135,7 @@ def check_rig(
     if active and model is None:
         raise InputError('--active without --model; expected the model file of the muscles on the '
                          'rig')
-    bundle = open_model(model or PAPER, allow_python)
-    show_muscle(bundle, model is not None)
+    bundle = chosen_model(model, allow_python)
     low = quantity(supply, 'Pa', '--supply')
     tube = quantity(tube_volume, 'm^3', '--tube-volume')
     if active and out.exists():

@@ -5,24 +5,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fam_bundle_ros.benchmarks.speed import Result
+from fam_bundle_ros.benchmarks.speed import FIGURE_HEAD, Result
 from fam_bundle_ros.report.page import Page, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 
-#: Column titles of `Figure.cells`.
-FIGURE_HEAD = ('what', 'measured', 'unit', 'peer value', 'peer', 'ratio', 'target', '')
-
 
 def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
-    """
-    Return the page of measured rows.
-
-    Parameters
-    ----------
-    results : sequence of Result
-    machine : mapping
-        Description of the machine.
-    """
+    """Return the page of measured rows on a machine, which `speed.machine` describes."""
     asked = [figure for result in results for figure in result.figures
              if figure.reached is not None]
     reached = sum(figure.reached is True for figure in asked)

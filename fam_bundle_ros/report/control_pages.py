@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of control: one closed-loop run, and the benchmark on plants that are not the model."""
+"""Pages and tables of control: one run, and the benchmark on plants that are not the model."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,15 +9,37 @@ from fam_bundle_ros.benchmarks.control import ControlBenchmark
 from fam_bundle_ros.benchmarks.plants import PLANTS
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.report import control_figures
-from fam_bundle_ros.report.control_tables import (
-    figure_cells,
-    FIGURE_HEAD,
-    plant_cells,
-    PLANT_HEAD,
-)
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.simulation import Log
+
+#: Column titles of `plant_cells`; pairs are reversal_aware and equal_pressure.
+PLANT_HEAD = ('plant', 'model error (N rms)', 'rms (N)', 'of equal pressure', 'ratio', 'worst',
+              'air ratio', 'worst air', 'at switches (N)', 'the same, equal pressure',
+              'moved ratio', 'switches', 'chatter')
+FIGURE_HEAD = ('figure', 'median', '90 % quantile', 'worst', 'target', 'worst on', '')
+_KEYS = ('model_error', 'rms_N', 'rms_N_equal_pressure', 'rms_ratio', 'rms_ratio_worst',
+         'air_ratio', 'air_ratio_worst', 'error_at_switches',
+         'error_at_switches_equal_pressure', 'moved_ratio')
+
+
+def plant_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the row of a plant."""
+    return (line['plant'], *(_short(line[key]) for key in _KEYS), line['switches'],
+            line['chatter'])
+
+
+def figure_cells(figure: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the row of a figure with its target."""
+    verdict = {None: 'not run', True: 'reached', False: 'not reached'}[figure['reached']]
+    return (figure['figure'], *(_short(figure[key]) for key in ('median', 'nine_in_ten',
+                                                                'worst')),
+            figure['must'], figure['where'], verdict)
+
+
+def _short(value: float | None) -> str:
+    """Return a number with two decimals, or a dash."""
+    return '–' if value is None else f'{value:.2f}'
 
 
 def run_pictures(log: Log, model: Bundle, key: str, title: str) -> list[Picture]:
@@ -72,12 +94,9 @@ def benchmark_page(result: ControlBenchmark, model: Bundle, seeds: str,
 
 def _margins(result: ControlBenchmark) -> list[Section]:
     """Return the gain margins of our controller, the smallest first."""
-    found = {}
-    for row in result.rows:
-        if 'gain_margin' in row:
-            found[row['plant'], row['units'], row['kind']] = row['gain_margin']
-    rows = sorted(((plant, units, kind, margin) for (plant, units, kind), margin in
-                   found.items()), key=lambda row: row[-1])
+    rows = sorted(dict.fromkeys(
+        (row['plant'], row['units'], row['kind'], row['gain_margin']) for row in result.rows
+        if 'gain_margin' in row), key=lambda row: row[-1])
     return [Section('Gain margins', 'Factor on the loop gain at which the response to a small '
                     'step no longer settles, measured in the closed loop; 64: 64 or more. '
                     'Baselines have at least this margin or 2 (6 dB), whichever is less.',

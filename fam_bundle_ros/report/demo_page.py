@@ -24,22 +24,14 @@ from fam_bundle_ros.simulation import Log
 
 @dataclass(frozen=True)
 class DemoRun:
-    """
-    One trajectory, run twice on ROS 2.
-
-    Attributes
-    ----------
-    name, words : str
-        Key, and description of reference and load.
-    log : Log
-        With orderly recruitment.
-    all_on : Log
-        With every unit always on, as a single equivalent motor unit.
-    """
+    """One trajectory, run twice on ROS 2."""
 
     name: str
+    #: Reference and load.
     words: str
+    #: With orderly recruitment.
     log: Log
+    #: With every unit always on, as a single equivalent motor unit.
     all_on: Log
 
 
@@ -73,8 +65,7 @@ def demo_page(runs: Sequence[DemoRun], diagnosis: Diagnosis, found: Mapping[str,
             f'its error fell from {first["error_N"]:.3g} N to {last["error_N"]:.3g} N.')
     return Page(
         'fam_bundle_ros: the demonstration', lead, _headline(found),
-        [_what(runs, found), *(_run_section(run, found['runs'][run.name], bundle)
-                               for run in runs),
+        [_what(runs, found), *(_run_section(run, bundle) for run in runs),
          *_measured(diagnosis),
          Section('The paper’s figures', 'Computed from the model of the bundle above.',
                  map_pictures(paper)),
@@ -138,7 +129,7 @@ def _what(runs: Sequence[DemoRun], found: Mapping[str, Any]) -> Section:
                'dynamometer at rest.')])
 
 
-def _run_section(run: DemoRun, numbers: Mapping[str, Any], bundle: Bundle) -> Section:
+def _run_section(run: DemoRun, bundle: Bundle) -> Section:
     return Section(
         f'{_capital(run.name)} on ROS 2', _capital(run.words),
         [*run_pictures(run.log, bundle, run.name.replace(' ', '-'), _capital(run.name)),

@@ -94,31 +94,7 @@ def _sentence(text: str) -> str:
 
 def diagnosis_sections(result: Diagnosis) -> list[Section]:
     """Return candidates, ladder, parameters with intervals, and what to measure next."""
-    shown: list[Any] = []
-    answered = result.verdict != 'unexplained'
-    title = result.shortlist_title
-    chart = figures.candidates(result)
-    if chart is not None:
-        shown.append(Picture('candidates', f'{title[:1].upper()}{title[1:]}', chart,
-                             'Probability that the effect belongs to the model, over all sets of '
-                             'effects that were fitted together with the model’s own '
-                             'parameters, on average without one isobar, strain level or trial; '
-                             'and the error of the best set with the effect.'
-                             + ('' if answered else ' Conditional on one of them being correct.')))
-    sets = answer_figures.sets(result)
-    if sets is not None:
-        shown.append(Picture('sets', 'Sets of effects', sets, _sets_words(result)))
-    if result.ranking:
-        shown.append(Table(
-            ('effect', 'family', 'probability' if answered else 'among these', 'error (N)',
-             'parameters', 'why'),
-            [(('effect', c.effect), c.family, round(c.probability, 2), c.error_N,
-              '; '.join(f'{e.key.partition(".")[2]} {e.value:.4g} {e.unit}'.rstrip()
-                        for e in c.parameters), c.reason) for c in result.ranking]))
-    ties = ' '.join(f'These data cannot distinguish {", ".join(group[:-1])} and {group[-1]}.'
-                    for group in result.tied)
-    notes = '\n\n'.join(result.notes)
-    sections = [Section('What is missing', f'{ties}\n\nNext: {result.next_experiment}', shown)]
+    sections = [_missing_section(result)]
     if result.shapes_left and result.verdict in ('unexplained', 'partial'):
         sections.append(Section(
             'The remaining error', 'No effect of the catalogue explains it. These simple shapes '
@@ -131,30 +107,55 @@ def diagnosis_sections(result: Diagnosis) -> list[Section]:
     if len(result.ladder) > 1:
         sections.append(Section('Ladder', '', [ladder_picture(
             result.ladder, result.noise.value, result.held_out.rivals['empirical'])]))
-    sections += _discrepancy_section(result)
-    parameters: list[Any] = []
-    if result.parameters:
-        parameters.append(Table(
-            ('parameter', 'value', 'unit', '95 % from', 'to', 'tolerances moved', 'note'),
-            [(e.key, e.value, e.unit, *e.interval, e.tolerances, e.flag)
-             for e in result.parameters]))
-    moved = answer_figures.priors(result)
-    if moved is not None:
-        parameters.append(Picture(
-            'priors', 'Each parameter before and after the data', moved,
+    return [*sections, *_discrepancy_section(result), _parameters_section(result)]
+
+
+def _missing_section(result: Diagnosis) -> Section:
+    answered = result.verdict != 'unexplained'
+    title = result.shortlist_title
+    items: list[Any] = _if_drawn(
+        'candidates', f'{title[:1].upper()}{title[1:]}', figures.candidates(result),
+        'Probability that the effect belongs to the model, over all sets of effects that were '
+        'fitted together with the model’s own parameters, on average without one isobar, strain '
+        'level or trial; and the error of the best set with the effect.'
+        + ('' if answered else ' Conditional on one of them being correct.'))
+    sets = answer_figures.sets(result)
+    if sets is not None:
+        items.append(Picture('sets', 'Sets of effects', sets, _sets_words(result)))
+    if result.ranking:
+        items.append(Table(
+            ('effect', 'family', 'probability' if answered else 'among these', 'error (N)',
+             'parameters', 'why'),
+            [(('effect', c.effect), c.family, round(c.probability, 2), c.error_N,
+              '; '.join(f'{e.key.partition(".")[2]} {e.value:.4g} {e.unit}'.rstrip()
+                        for e in c.parameters), c.reason) for c in result.ranking]))
+    ties = ' '.join(f'These data cannot distinguish {", ".join(group[:-1])} and {group[-1]}.'
+                    for group in result.tied)
+    return Section('What is missing', f'{ties}\n\nNext: {result.next_experiment}', items)
+
+
+def _parameters_section(result: Diagnosis) -> Section:
+    table = Table(('parameter', 'value', 'unit', '95 % from', 'to', 'tolerances moved', 'note'),
+                  [(e.key, e.value, e.unit, *e.interval, e.tolerances, e.flag)
+                   for e in result.parameters])
+    return Section('Parameters', '\n\n'.join(result.notes), [
+        *([table] if result.parameters else []),
+        *_if_drawn(
+            'priors', 'Each parameter before and after the data', answer_figures.priors(result),
             'Bars are 95 % intervals. The prior of the model’s own dimensions is their tolerance, '
             'that of an effect comes from the catalogue; constants that cannot be negative are on '
             'a logarithmic scale. Values beyond six widths are drawn at six. A posterior as wide '
             'as the prior: the data do not determine the parameter; one outside the grey '
-            'contradicts the prior.'))
-    matrix = figures.confounding(result)
-    if matrix is not None:
-        parameters.append(Picture(
-            'confounding', 'Which parameters trade off', matrix,
+            'contradicts the prior.'),
+        *_if_drawn(
+            'confounding', 'Which parameters trade off', figures.confounding(result),
             'Correlation of the estimates: near 1 or −1 the data determine only a combination of '
-            'the two parameters.'))
-    sections.append(Section('Parameters', notes, parameters))
-    return sections
+            'the two parameters.')])
+
+
+def _if_drawn(key: str, title: str, drawing: Any, caption: str) -> list[Picture]:
+    """Return a picture in a list, which is empty if there is nothing to draw."""
+    return [] if drawing is None else [Picture(key, title, drawing, caption)]
 
 
 def ladder_page(result: Ladder, orders: Mapping[str, Sequence[float]],
@@ -247,7 +248,7 @@ def _discrepancy_section(result: Diagnosis) -> list[Section]:
 def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:
     data = result.measurement
     by = 'isobar' if figures.has_isobars(data) else 'time'
-    pictures = [
+    return [
         Picture('comparison', f'Measured and model, by {by}', figures.comparison(result),
                 'Points are measured, lines are the model. Below: measured minus model; the grey '
                 'band is two standard deviations of the noise floor.'),
@@ -258,12 +259,9 @@ def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:
                 'direction (odd) friction, damping or lag. Dotted: the model’s free strain.'
                 if not data.is_static else
                 'Measured minus model, mean of each cell. The map is static: nothing in it can '
-                'depend on direction or speed.')]
-    loops = figures.loops(result)
-    if loops is not None:
-        pictures.append(Picture('loops', 'Residual by direction of motion', loops,
-                                'Two separate bands: hysteresis that the model lacks.'))
-    return pictures
+                'depend on direction or speed.'),
+        *_if_drawn('loops', 'Residual by direction of motion', figures.loops(result),
+                   'Two separate bands: hysteresis that the model lacks.')]
 
 
 def _comparison_headline(result: Comparison) -> list[Headline]:

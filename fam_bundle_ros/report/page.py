@@ -10,7 +10,7 @@ decompress themselves).
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 import gzip
 from html import escape
@@ -18,6 +18,8 @@ import json
 from pathlib import Path
 from string import Template
 from typing import Any
+
+import plotly.graph_objects as go
 
 import fam_bundle_ros
 from fam_bundle_ros import palette, plotting
@@ -38,41 +40,24 @@ class Headline:
 
 @dataclass(frozen=True)
 class Picture:
-    """
-    A drawing with its title and caption.
+    """A drawing with its title and caption."""
 
-    Attributes
-    ----------
-    key : str
-        Short name: the anchor on the page.
-    title : str
-        Content, and number of the figure in the paper if there is one.
-    drawing : plotly.graph_objects.Figure
-    caption : str
-        Origin of each curve, and what it shows.
-    """
-
+    #: Anchor on the page.
     key: str
+    #: Content, and number of the figure in the paper if there is one.
     title: str
-    drawing: Any
+    drawing: go.Figure
+    #: Origin of each curve, and what it shows.
     caption: str
 
 
 @dataclass(frozen=True)
 class Table:
-    """
-    Rows under column titles (units in the titles).
-
-    Attributes
-    ----------
-    columns : sequence of str
-    rows : sequence of sequence
-        Numbers are shown with three significant digits and aligned right; None and nan as a
-        dash; a cell ``('effect', name)`` has a swatch in the effect's colour.
-    caption : str
-    """
+    """Rows under column titles (units in the titles)."""
 
     columns: Sequence[str]
+    #: Numbers are shown with three significant digits and aligned right; None and nan as a dash;
+    #: a cell ``('effect', name)`` has a swatch in the effect's colour.
     rows: Sequence[Sequence[Any]]
     caption: str = ''
 
@@ -93,25 +78,15 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """
-    A report.
-
-    Attributes
-    ----------
-    title : str
-    lead : str
-        The result in a sentence or two.
-    headline : sequence of Headline
-    sections : sequence of Section
-    provenance : sequence of (str, str)
-        Files and their hashes, versions, seeds; what is simulated, what measured.
-    """
+    """A report."""
 
     title: str
+    #: The result in a sentence or two.
     lead: str
-    headline: Sequence[Headline] = ()
-    sections: Sequence[Section] = ()
-    provenance: Sequence[tuple[str, str]] = field(default_factory=tuple)
+    headline: Sequence[Headline]
+    sections: Sequence[Section]
+    #: Files and their hashes, versions, seeds; what is simulated, what measured.
+    provenance: Sequence[tuple[str, str]] = ()
 
 
 def render(page: Page) -> str:

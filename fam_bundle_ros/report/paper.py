@@ -33,43 +33,30 @@ HIGHEST, WORKING = 6 * STEP, 5 * STEP
 
 @dataclass(frozen=True)
 class Isobars:
-    """
-    Figure 2: force of one muscle over strain.
+    """Figure 2: force of one muscle over strain."""
 
-    Attributes
-    ----------
-    strain : array (s,)
-    pressure : array (p,), Pa (gauge)
-    forces : dict of str to array (p, s), N
-        By reading.
-    """
-
+    #: Shape (s,).
     strain: np.ndarray
+    #: Shape (p,), Pa (gauge).
     pressure: np.ndarray
+    #: By reading, shape (p, s), N.
     forces: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class ForceStrainSpace:
-    """
-    Figure 3: the range of forces of each recruitment state.
+    """Figure 3: the range of forces of each recruitment state."""
 
-    Attributes
-    ----------
-    strain : array (s,)
-    low, high : dict of str to array (n, s), N
-        By reading (``neglected``, ``included``): smallest and largest force of RS1..RSn. The last
-        unit of a state goes from zero to its largest pressure, the units before it are at theirs.
-    pressure : array (p,), Pa (gauge)
-        Of the second unit; empty for a bundle of one unit.
-    isobars : dict of str to array (p, s), N
-        By reading: force at these pressures with the first unit at its largest pressure.
-    """
-
+    #: Shape (s,).
     strain: np.ndarray
+    #: By reading (``neglected``, ``included``): smallest and largest force of RS1..RSn, N, shape
+    #: (n, s). The last unit of a state goes from zero to its largest pressure, the units before it
+    #: are at theirs.
     low: dict[str, np.ndarray]
     high: dict[str, np.ndarray]
+    #: Of the second unit, shape (p,), Pa (gauge); empty for a bundle of one unit.
     pressure: np.ndarray
+    #: By reading: force at these pressures with the first unit at its largest pressure, N, (p, s).
     isobars: dict[str, np.ndarray]
 
     def overlap(self, reading: str, state: int) -> np.ndarray:
@@ -80,23 +67,14 @@ class ForceStrainSpace:
 
 @dataclass(frozen=True)
 class FreeStrain:
-    """
-    Figure 4: free strain of the bundle while the second unit fills, the first one full.
+    """Figure 4: free strain of the bundle while the second unit fills, the first one full."""
 
-    Attributes
-    ----------
-    pressure : array (p,), Pa (gauge)
-        Of the second unit.
-    strain : dict of str to array (p,)
-        By reading.
-    dip_pressure : float, Pa
-        Pressure at the smallest free strain of the reading ``included``.
-    dip_strain, dip : float
-        Free strain at that pressure, and its difference from the start.
-    """
-
+    #: Of the second unit, shape (p,), Pa (gauge).
     pressure: np.ndarray
+    #: By reading, shape (p,).
     strain: dict[str, np.ndarray]
+    #: Pressure (Pa) at the smallest free strain of the reading ``included``, this strain, and its
+    #: difference from the start.
     dip_pressure: float
     dip_strain: float
     dip: float
@@ -112,26 +90,16 @@ class FreeStrain:
 
 @dataclass(frozen=True)
 class PaperFigures:
-    """
-    All three figures; ``free_strain`` is None for a bundle of one unit.
-
-    Attributes
-    ----------
-    model : str
-    resistive : bool
-        Whether an effect of the model pushes back.
-    beyond : tuple of str
-        Elastic effects of the model that are not in the reading ``klute_hannaford``.
-    muscle : Isobars
-        Figure 2a: the reading ``included``, up to the largest free strain.
-    isobars : Isobars
-        Figure 2b: three readings at zero and 10 psi.
-    """
+    """All three figures; ``free_strain`` is None for a bundle of one unit."""
 
     model: str
+    #: Whether an effect of the model pushes back.
     resistive: bool
+    #: Elastic effects of the model that are not in the reading ``klute_hannaford``.
     beyond: tuple[str, ...]
+    #: Figure 2a: the reading ``included``, up to the largest free strain.
     muscle: Isobars
+    #: Figure 2b: three readings at zero and 10 psi.
     isobars: Isobars
     space: ForceStrainSpace
     free_strain: FreeStrain | None
@@ -180,15 +148,7 @@ def _elastic(bundle):
 
 
 def paper_figures(bundle: Bundle, points: int = 401) -> PaperFigures:
-    """
-    Return the numbers of figures 2, 3 and 4 for a model.
-
-    Parameters
-    ----------
-    bundle : Bundle
-    points : int
-        Number of strains (figures 2 and 3) and of pressures (figure 4).
-    """
+    """Return figures 2, 3 and 4 for a model, with this number of strains or pressures."""
     models = readings(bundle)
     resistive = any(e.pushes_back for e in bundle.effects)
     beyond = tuple(e.name for e in _elastic(bundle) if e.family not in ('mesh', 'bladder'))

@@ -19,11 +19,7 @@ def provenance(files: Sequence[tuple[str, str | Path]] = (),
     """
     Return the rows of a report's provenance table.
 
-    Parameters
-    ----------
-    files : sequence of (what it is, path)
-    more : sequence of (what, value)
-        Seeds; what is simulated, measured, from memory.
+    ``files`` are (what it is, path), ``more`` (what, value): seeds; what is simulated, measured.
     """
     versions = []
     for name in _PACKAGES:

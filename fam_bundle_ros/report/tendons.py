@@ -26,30 +26,22 @@ class Ends:
     A bundle with fixed ends and the same bundle with tendons, in one packaging length.
 
     Strains are contractions over the packaging length, so that both can be compared.
-
-    Attributes
-    ----------
-    model : str
-    packaging_length, tendon : float, m
-    space : ForceStrainSpace
-        Readings ``fixed`` and ``tendons``.
-    unit : int
-        Motor unit that fills in ``free_strain``, from 1; units before it are full.
-    pressure : array (p,), Pa (gauge)
-        Of that unit.
-    free_strain : dict of str to array (p,)
-    even_tendon : float, m
-        Tendon with which both have the same free strain where that of fixed ends is smallest;
-        shorter tendons give more. 0 if fixed ends give more than the muscle without push-back.
     """
 
     model: str
+    #: m.
     packaging_length: float
     tendon: float
+    #: Readings ``fixed`` and ``tendons``.
     space: ForceStrainSpace
+    #: Motor unit that fills in ``free_strain``, from 1; units before it are full.
     unit: int
+    #: Of that unit, shape (p,), Pa (gauge).
     pressure: np.ndarray
+    #: By reading, shape (p,).
     free_strain: dict[str, np.ndarray]
+    #: Tendon (m) with which both have the same free strain where that of fixed ends is smallest;
+    #: shorter tendons give more. 0 if fixed ends give more than the muscle without push-back.
     even_tendon: float
 
     def summary(self) -> dict[str, Any]:
@@ -122,11 +114,6 @@ def compare_ends(bundle: Bundle, tendon: float, points: int = 401) -> Ends:
         See `with_tendons`.
     points : int
         Number of strains and of pressures.
-
-    Raises
-    ------
-    InputError
-        As `with_tendons`.
     """
     models = {'fixed': bundle, 'tendons': with_tendons(bundle, tendon)}
     share = {'fixed': 1.0, 'tendons': 1.0 - tendon / bundle.length}

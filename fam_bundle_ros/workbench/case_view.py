@@ -220,11 +220,10 @@ class CaseView:
         self.draw_figure()
 
     def _select(self, **choice: int | None) -> None:
-        before = self.session.selection
-        self.session.select(**choice)
-        if not self.session.rows().any():
-            self.session.selection = before
-            self.page.tell('no sample has this pressure, direction and trial together')
+        try:
+            self.session.select(**choice)
+        except InputError as error:
+            self.page.tell(str(error))
             self.draw_head()
             return
         self._redraw(0)

@@ -5,7 +5,6 @@
 from dataclasses import dataclass
 
 from fam_bundle_ros.discovery import Measurement, read_measurement
-from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench.incoming import Incoming
@@ -13,25 +12,16 @@ from fam_bundle_ros.workbench.incoming import Incoming
 
 @dataclass(frozen=True)
 class Case:
-    """
-    A measurement and the model to start from.
-
-    Attributes
-    ----------
-    title, origin : str
-        Title on the page, and origin of the data in one line.
-    data, model
-    files : (str, str)
-        Data and model as written in a command line.
-    source : Incoming, optional
-        How a user's file was read, so that its columns can be corrected.
-    """
+    """A measurement and the model to start from."""
 
     title: str
+    #: Origin of the data in one line.
     origin: str
     data: Measurement
     model: Bundle
+    #: Data and model as written in a command line.
     files: tuple[str, str] = ('', '')
+    #: How a user's file was read, so that its columns can be corrected.
     source: Incoming | None = None
 
 
@@ -69,13 +59,9 @@ EXAMPLES = (
 
 
 def load_example(key: str) -> Case:
-    """Return an example by its key; InputError when there is none of that name."""
-    for example in EXAMPLES:
-        if example.key == key:
-            data = read_measurement(config_path(f'data/{example.stem}.csv'), name=example.title)
-            model = load_model(config_path(f'data/{example.stem}.model.yaml'))
-            return Case(example.title, example.origin, data, model, (
-                str(config_path(f'data/{example.stem}.csv')),
-                str(config_path(f'data/{example.stem}.model.yaml'))))
-    raise InputError(f"example '{key}' does not exist; expected one of "
-                     f"{', '.join(example.key for example in EXAMPLES)}")
+    """Return an example by its key."""
+    example = next(each for each in EXAMPLES if each.key == key)
+    data, model = (config_path(f'data/{example.stem}{ending}')
+                   for ending in ('.csv', '.model.yaml'))
+    return Case(example.title, example.origin, read_measurement(data, name=example.title),
+                load_model(model), (str(data), str(model)))

@@ -12,17 +12,7 @@ from fam_bundle_ros.workbench.cases import Case
 
 @dataclass(frozen=True)
 class Change:
-    """
-    One change of the model: an effect to add, to replace another with, or to remove.
-
-    Attributes
-    ----------
-    effect : str
-        Effect to add, or to remove.
-    replaces : str
-        Effect that it replaces, '' for none.
-    removes : bool
-    """
+    """One change of the model: an effect to add, in place of ``replaces`` if any, or to remove."""
 
     effect: str
     replaces: str = ''
@@ -45,21 +35,13 @@ class Change:
 
 @dataclass(frozen=True)
 class Since:
-    """
-    All changes since the first model.
+    """All changes since the first model."""
 
-    Attributes
-    ----------
-    added : tuple of Effect
-        At their start values for the next refit.
-    replaced : mapping of str to str
-        Effects of the first model -> their replacements.
-    removed : tuple of str
-        Effects of the first model that are left out.
-    """
-
+    #: At their start values for the next refit.
     added: tuple[Effect, ...] = ()
+    #: Effects of the first model -> their replacements.
     replaced: Mapping[str, str] = field(default_factory=dict)
+    #: Effects of the first model that are left out.
     removed: tuple[str, ...] = ()
 
     def then(self, change: Change, effect: Effect | None = None) -> 'Since':

@@ -188,8 +188,6 @@ def _plain(values: np.ndarray) -> list[float | None]:
 
 
 def _force_range(session, rows):
-    if not len(rows):
-        return [0.0, 1.0]
     every = [session.data.force, *(step.prediction for step in session.steps)]
     low = min(float(values[rows].min()) for values in every)
     high = max(float(values[rows].max()) for values in every)
@@ -200,7 +198,7 @@ def _force_range(session, rows):
 def _error_range(session, rows):
     """Return a range that fits all steps, so that a smaller error looks smaller."""
     worst = max(float(np.quantile(np.abs(session.residual(step)[rows]), 0.995))
-                for step in session.steps) if len(rows) else 1.0
+                for step in session.steps)
     top = 1.15 * max(worst, 3.0 * session.noise)
     return [-top, top]
 
@@ -209,7 +207,7 @@ def _isobar_names(session, level, means, rows):
     """Return annotations that name each isobar left of its curve, if there is space."""
     data = session.data
     names = session.levels
-    height = max(float(np.ptp(data.force[rows])), 1.0) if len(rows) else 1.0
+    height = max(float(np.ptp(data.force[rows])), 1.0)
     taken: list[float] = []
     found = []
     for k in range(len(means))[::-1]:
@@ -231,8 +229,6 @@ def _isobar_names(session, level, means, rows):
 
 def _zoom(layout, session, x, rows, narrow):
     """Set the axes to the selection, with space for the names of the isobars on the left."""
-    if not len(rows):
-        return
     if session.region is None:
         if layout['annotations']:
             low, span = float(x[rows].min()), max(float(np.ptp(x[rows])), 1e-3)

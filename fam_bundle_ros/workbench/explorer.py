@@ -48,10 +48,7 @@ class Explorer:
         """
         Set the length of the tendons from text with a unit; empty for none.
 
-        Raises
-        ------
-        InputError
-            When the text is not a length, or too long for any muscle to remain.
+        InputError when the text is not a length, or too long for any muscle to remain.
         """
         self.ends = None
         if told.strip():
@@ -188,11 +185,10 @@ class Explorer:
         return figure
 
     def free_strain_figure(self) -> dict[str, Any]:
-        """Draw the free strain while the second unit fills, with the present pressure."""
+        """Draw the free strain while the second unit fills (if there is one), and its pressure."""
         free = self.paper.free_strain
+        assert free is not None
         figure = json.loads(_empty('pressure of MU2 (kPa)', 'free strain'))
-        if free is None:
-            return figure
         x = free.pressure / 1e3
         looks = (('neglected', 'resistive force neglected', palette.effect('tendon_slack').light,
                   'dash', 1.6),

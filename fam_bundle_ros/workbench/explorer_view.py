@@ -47,20 +47,20 @@ class ExplorerView:
 
     def _sliders(self) -> None:
         explorer = self.explorer
-        self._slider('Strain', 0.0, explorer.highest_strain, explorer.strain, 0.001,
+        self._slider('Strain', explorer.highest_strain, explorer.strain, 0.001,
                      '{:.1%}', self._strain, 'strain')
         for k in range(explorer.bundle.n):
             most = float(explorer.bundle.max_pressure[k]) / 1e3
-            self._slider(f'Pressure of MU{k + 1}', 0.0, most, explorer.pressure[k] / 1e3,
-                         most / 200, '{:.0f} kPa', partial(self._pressure, k), f'mu{k + 1}',
+            self._slider(f'Pressure of MU{k + 1}', most, explorer.pressure[k] / 1e3, most / 200,
+                         '{:.0f} kPa', partial(self._pressure, k), f'mu{k + 1}',
                          palette.recruitment_state(k + 1))
 
-    def _slider(self, label: str, low: float, high: float, value: float, step: float,
+    def _slider(self, label: str, high: float, value: float, step: float,
                 shown: str, on_change: Callable[[float], None], mark: str,
                 colour: palette.Colour | None = None) -> None:
         def changed(event: Any) -> None:
             now = float(event.args)
-            if not low <= now <= high:
+            if not 0.0 <= now <= high:
                 return
             number.set_text(shown.format(now))
             on_change(now)
@@ -69,7 +69,7 @@ class ExplorerView:
             parts.text('span', label)
             number = parts.text('b', shown.format(value), 'num')
             slider = parts.box('input', '', f'slider:{mark}')
-            slider._props.update(type='range', min=low, max=high, step=step, defaultValue=value)
+            slider._props.update(type='range', min=0, max=high, step=step, defaultValue=value)
             if colour is not None:
                 slider.style(f'accent-color: {colour.on(self.page.dark)}')
             slider.on('input', changed, throttle=0.08, js_handler='(e) => emit(e.target.value)')

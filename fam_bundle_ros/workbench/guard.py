@@ -46,9 +46,8 @@ class Guard:
     hosts : sequence of str
         Host names that requests may be for; empty for any (then a token is needed).
     token : str
-        Required of every request; '' for none.
-    max_body : int
-        Largest size of a request, bytes.
+        Of every request; '' for none.
+    max_body : int, bytes
     """
 
     def __init__(self, app: Any, hosts: tuple[str, ...] = LOCAL, token: str = '',

@@ -47,25 +47,16 @@ _FIELDS = ((r' \(--rest-length, rest_length, or (?:a|its) model\)', ': the Lengt
 
 @dataclass(frozen=True)
 class Column:
-    """
-    A column as the page lists it.
-
-    Attributes
-    ----------
-    header : str
-    cells : tuple of str
-        Its first rows.
-    quantity, unit, why : str
-        Recognised quantity and unit, and how they were recognised or why it is not used.
-    sign : int
-        Factor of the readings, 1 or -1.
-    """
+    """A column as the page lists it."""
 
     header: str
+    #: Its first rows.
     cells: tuple[str, ...]
     quantity: str
     unit: str
+    #: Factor of the readings, 1 or -1.
     sign: int
+    #: How it was recognised, or why it is not used.
     why: str
 
     @property
@@ -76,34 +67,22 @@ class Column:
 
 @dataclass
 class Incoming:
-    """
-    A measurement that is being read.
-
-    Attributes
-    ----------
-    name, origin : str
-    table : Table or None
-        None for a bag, whose topics define the quantities.
-    read_bag : callable or None
-        Function of the rest length (m or None) to the measurement of a bag.
-    muscle : MuscleForm
-        Gives the rest length, and the model to start from.
-    told : dict of str to str
-        The user's settings: quantity to column, as in a recipe.
-    drop_bad : bool
-        Whether rows with words among the numbers are left out.
-    file : str
-        Its path on this machine; empty for an upload.
-    """
+    """A measurement that is being read."""
 
     name: str
     origin: str
+    #: None for a bag, whose topics define the quantities.
     table: Table | None = None
+    #: Function of the rest length (m or None) to the measurement of a bag.
     read_bag: Callable[[float | None], Measurement] | None = None
+    #: Gives the rest length, and the model to start from.
     muscle: MuscleForm = field(default_factory=MuscleForm)
+    #: The user's settings: quantity to column, as in a recipe.
     told: dict[str, str] = field(default_factory=dict)
     sha256: str = ''
+    #: Whether rows with words among the numbers are left out.
     drop_bad: bool = False
+    #: Its path on this machine; empty for an upload.
     file: str = ''
 
     def __post_init__(self) -> None:
@@ -220,16 +199,14 @@ class Incoming:
             self.told.pop(quantity, None)
 
     def measurement(self) -> Measurement:
-        """Return the measurement for the present columns and muscle; InputError says why not.
-
-        The strain of a column of lengths depends on the muscle's rest length.
-        """
+        """Return the measurement for the present columns and muscle; InputError says why not."""
         seen = self.look()
         if seen.measurement is None:
             raise InputError(seen.problem)
         return seen.measurement
 
-    def plain(self, seen: Preview) -> bool:
+    @staticmethod
+    def plain(seen: Preview) -> bool:
         """Return whether every column is named by quantity and unit, so that none is in doubt."""
         return seen.measurement is not None and not taken_words(seen.measurement)
 

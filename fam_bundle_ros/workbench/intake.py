@@ -72,16 +72,8 @@ def incoming_from_bytes(name: str, content: bytes) -> Incoming:
     """
     Return an uploaded file with its table, before the user has checked the columns.
 
-    Parameters
-    ----------
-    name : str
-        Name from the browser; its ending determines the kind of file.
-    content : bytes
-
-    Raises
-    ------
-    InputError
-        For a file that is not a table; the message contains the user's name of the file.
+    The ending of its name determines the kind of file. InputError, with that name, if it is not a
+    table.
     """
     shown = label(name)
     _limit(shown, content, MAX_UPLOAD)
@@ -109,13 +101,10 @@ def incoming_from_path(path: Path, name: str = '') -> Incoming:
 
 def model_from_bytes(name: str, content: bytes) -> Bundle:
     """
-    Return the model that an uploaded model file describes.
+    Return the model that an uploaded model file describes; InputError for a bad one.
 
-    Raises
-    ------
-    InputError
-        For a bad model file, and for one that names other files (a measured table, Python): those
-        are read only where the user starts the workbench with ``--model``.
+    Models that name other files (a measured table, Python) are refused: those are read only where
+    the user starts the workbench with ``--model``.
     """
     shown = label(name)
     _limit(shown, content, _MAX_MODEL)

@@ -25,12 +25,7 @@ class Job:
     """
     One run of a function of `worker` in a process of its own.
 
-    Parameters
-    ----------
-    function : callable
-        Of `worker`; called with a progress callable and the arguments.
-    *arguments
-        Anything that pickles.
+    It is called with a progress callable and ``arguments``, which are pickled.
     """
 
     def __init__(self, function: Callable[..., Any], *arguments: Any):
@@ -44,14 +39,7 @@ class Job:
         """
         Return the result.
 
-        Raises
-        ------
-        Cancelled
-            After `cancel`.
-        InputError
-            For input that the work could not use.
-        WorkerError
-            When the worker failed.
+        Raises `Cancelled`, InputError for input that the work cannot use, else `WorkerError`.
         """
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, '-m', 'fam_bundle_ros.workbench.worker', env=environment(),

@@ -40,17 +40,9 @@ sys.exit(main())
 @dataclass(frozen=True)
 class Order:
     """
-    An experiment to be run.
+    An experiment to be run, with the controller's model, into a new CSV (``out``).
 
-    Attributes
-    ----------
-    protocol, model : str
-        Files, or names of shipped ones; the model is that of the controller.
-    namespace : str
-    out : str
-        New CSV.
-    resume : bool
-        Continue an unfinished recording.
+    ``resume`` continues an unfinished recording.
     """
 
     protocol: str
@@ -73,28 +65,14 @@ class Order:
 
 
 class MeasureRun:
-    """
-    The measurement of a bundle, one at a time.
-
-    Attributes
-    ----------
-    running : bool
-        Whether a measurement is running.
-    order : Order or None
-        The last order.
-    share : float
-        Share that is done, 0 to 1.
-    words : str
-        Present step and time left.
-    file : str
-        CSV of the last measurement once it is complete; else empty.
-    failure : str
-        Why the last measurement ended early; else empty.
-    """
+    """The measurement of a bundle, one at a time."""
 
     def __init__(self) -> None:
+        #: The last order.
         self.order: Order | None = None
+        #: Share that is done, 0 to 1; present step and time left.
         self.share, self.words = 0.0, ''
+        #: CSV of the last measurement if it is complete; why it ended early if not.
         self.file = self.failure = ''
         self._process: asyncio.subprocess.Process | None = None
         self.running = self._stopped = False
@@ -109,10 +87,7 @@ class MeasureRun:
         """
         Measure; return at the end, with the outcome in `file` or `failure`.
 
-        Raises
-        ------
-        InputError
-            When one is running already, or the folder cannot be created.
+        InputError when one is running already, or the folder cannot be created.
         """
         if self.running:
             raise InputError('a measurement is running already: stop it first')

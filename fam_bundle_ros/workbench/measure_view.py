@@ -27,14 +27,7 @@ _FIRST = 'first_look'
 
 
 class MeasureView:
-    """
-    Choice, button, progress and outcome of a measurement.
-
-    Parameters
-    ----------
-    page : Page
-    rig : LiveRig
-    """
+    """Choice, button, progress and outcome of a measurement."""
 
     def __init__(self, page: 'Page', rig: LiveRig):
         self.page, self.rig = page, rig
@@ -117,34 +110,32 @@ class MeasureView:
     # --- what a user does ----------------------------------------------------------------------
 
     def _measure(self) -> None:
-        self._want(lambda: Order.new(self._file(), self._controller_model(), self.rig.namespace))
+        self._try(lambda: self._begin(Order.new(self._file(), self._controller_model(),
+                                                self.rig.namespace)))
 
     def _go_on(self) -> None:
         before = self.rig.measurement.order
         if before is not None:
-            self._want(lambda: replace(before, resume=True))
+            self._try(lambda: self._begin(replace(before, resume=True)))
 
-    def _want(self, order: Callable[[], Order]) -> None:
-        """Begin; on a real rig only after confirmation."""
-        self.rig.measure_failure = ''
-        try:
-            made = order()
-            if self.rig.simulated:
-                self.rig.measure(made)
-            else:
-                self._asked = made
-        except InputError as error:
-            self.rig.measure_failure = str(error)
-        self.look()
+    def _begin(self, order: Order) -> None:
+        """Measure; on a real rig only after confirmation."""
+        if self.rig.simulated:
+            self.rig.measure(order)
+        else:
+            self._asked = order
 
     def _confirm(self) -> None:
-        """Begin the confirmed measurement."""
         asked, self._asked = self._asked, None
         if asked is not None:
-            try:
-                self.rig.measure(asked)
-            except InputError as error:
-                self.rig.measure_failure = str(error)
+            self._try(lambda: self.rig.measure(asked))
+
+    def _try(self, work: Callable[[], None]) -> None:
+        self.rig.measure_failure = ''
+        try:
+            work()
+        except InputError as error:
+            self.rig.measure_failure = str(error)
         self.look()
 
     def _cancel(self) -> None:

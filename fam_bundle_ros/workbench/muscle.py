@@ -8,6 +8,7 @@ The text is kept as typed, right or wrong; `MuscleForm.bundle` says what is wron
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 import re
 
 from fam_bundle_ros.errors import InputError
@@ -15,7 +16,6 @@ from fam_bundle_ros.model import Bundle, dumps_model
 from fam_bundle_ros.model.own_muscle import (
     dimensions_of,
     ENTRIES,
-    Entry,
     find_part,
     fitted_bundle,
     model_text,
@@ -29,33 +29,20 @@ STARTS = (('braid', 'the ideal braid', START_EFFECTS),
           ('bladder', 'the braid and a rubber bladder', (*START_EFFECTS, 'bladder_elasticity')))
 
 
-def _label(entry: Entry) -> str:
-    return entry.label
-
-
 @dataclass
 class MuscleForm:
-    """
-    A muscle as text fields.
-
-    Attributes
-    ----------
-    name : str
-    values : dict of str to str
-        By key of `ENTRIES`.
-    sources : dict of str to str
-        Sources of the values that were not typed.
-    part, start : str
-        Name of a catalogue part ('' for own dimensions), and key of `STARTS`.
-    base : Bundle or None
-        A model whose effects are kept; its dimensions may be changed.
-    """
+    """A muscle as text fields."""
 
     name: str = 'my_muscle'
+    #: By key of `ENTRIES`.
     values: dict[str, str] = field(default_factory=lambda: {'muscles': '1'})
+    #: Sources of the values that were not typed.
     sources: dict[str, str] = field(default_factory=dict)
+    #: Name of a catalogue part; '' for own dimensions.
     part: str = ''
+    #: Key of `STARTS`.
     start: str = 'braid'
+    #: A model whose effects are kept; its dimensions may be changed.
     base: Bundle | None = None
 
     @classmethod
@@ -84,12 +71,12 @@ class MuscleForm:
         """Return the model; InputError names the field that is missing or wrong."""
         if self.base is not None:
             return fitted_bundle(self.base.name, self.values, self.base.effects,
-                                 self.base.notes, _label)
+                                 self.base.notes, attrgetter('label'))
         name = '_'.join(self.name.split())
         if not name:
             raise InputError('Name: expected a name for the model')
         effects = next(effects for key, _, effects in STARTS if key == self.start)
-        return new_bundle(name, self.values, effects, _label)
+        return new_bundle(name, self.values, effects, attrgetter('label'))
 
     @property
     def problem(self) -> str:

@@ -14,17 +14,7 @@ from fam_bundle_ros.workbench.muscle import MuscleForm, STARTS
 
 
 class MuscleView:
-    """
-    Fields of a `MuscleForm`; each change is reported at once.
-
-    Parameters
-    ----------
-    form : MuscleForm
-    on_change : callable
-        Called after each change.
-    tell : callable
-        Shows a message, why the model cannot be saved.
-    """
+    """Fields of a form; ``on_change`` is called after each, ``tell`` shows why it is not saved."""
 
     def __init__(self, form: MuscleForm, on_change: Callable[[], None],
                  tell: Callable[[str], None]):

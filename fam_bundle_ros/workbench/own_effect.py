@@ -15,7 +15,6 @@ from fam_bundle_ros.model import Effect, Parameter
 from fam_bundle_ros.model.expression import (
     expression_law,
     FUNCTIONS,
-    RESULTS,
     usual_place,
     VARIABLES,
 )
@@ -52,40 +51,23 @@ class Draft:
         self.fields = {name: self.fields.get(name, Field()) for name in names}
 
     def effect(self) -> Effect:
-        """
-        Return the effect that the form describes.
-
-        Raises
-        ------
-        InputError
-            For a bad name, formula, unit or number; the message names what is wrong.
-        """
+        """Return the effect; InputError for a bad name, formula, unit or number."""
         name = self.name.strip()
         if not re.fullmatch(r'[a-z][a-z0-9_]{0,39}', name):
             raise InputError(f"name '{name[:40]}': expected small letters, digits and _ "
                              '(such as my_effect)')
-        if self.place not in RESULTS:
-            raise InputError(f'place {self.place!r} is not known')
         parameters = tuple(_parameter(key, item) for key, item in self.fields.items())
         return expression_law(name, self.formula.strip(), self.place, parameters)()
 
 
 @dataclass(frozen=True)
 class Preview:
-    """
-    Change by an effect at its start values, before any refit.
+    """Change by an effect at its start values, before any refit."""
 
-    Attributes
-    ----------
-    error_N : float
-        Error of the model with the effect, N rms.
-    change_N : float
-        How much the effect changes the force, N rms.
-    prediction : ndarray, shape (T,), N
-    """
-
+    #: Error of the model with the effect, and change of the force by the effect, N rms.
     error_N: float
     change_N: float
+    #: Force of the model with the effect, N, shape (T,).
     prediction: np.ndarray
 
 

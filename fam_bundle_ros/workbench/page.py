@@ -60,13 +60,7 @@ def root(first: Case | Incoming | None = None, view: str = 'find'
 
 
 class Page:
-    """
-    The page of one browser tab.
-
-    Parameters
-    ----------
-    session : Session
-    """
+    """The page of one browser tab."""
 
     def __init__(self, session: Session):
         self.session = session
@@ -234,17 +228,9 @@ class Page:
 
     async def guarded(self, work: Callable[[], Any]) -> bool:
         """
-        Call a function that may raise InputError; show the error on the page.
+        Call a coroutine function, or a plain one in a thread; return whether it was done.
 
-        Parameters
-        ----------
-        work : callable
-            A coroutine function, or a plain function that is called in a thread.
-
-        Returns
-        -------
-        bool
-            Whether it was done.
+        An InputError is shown on the page.
         """
         self.messages.clear()
         with self.messages:

@@ -15,15 +15,9 @@ _SHOWN = 20.0
 
 def live_figure(samples: Sequence[dict[str, Any]], noise: float | None) -> dict[str, Any]:
     """
-    Return the figure as a dict.
+    Return the figure as a dict, with the standard deviation of the residual's noise, N.
 
-    Parameters
-    ----------
-    samples : sequence of dict
-        Of the feed: time, force, model, residual, reference, reference_kind, pressure, setpoint,
-        strain; a missing value or None makes a gap.
-    noise : float, N, or None
-        Standard deviation of the residual's noise.
+    A missing value of a sample, or None, makes a gap.
     """
     samples = list(samples)
     last = samples[-1]['time'] if samples else 0.0

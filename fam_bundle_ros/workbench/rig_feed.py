@@ -34,21 +34,14 @@ sys.exit(main())
 
 
 class Record:
-    """
-    Newest records of the feed.
-
-    Attributes
-    ----------
-    graph, state, diagnosis : dict
-        Newest of each kind; empty before the first.
-    samples : deque of dict
-        Of the last `KEPT` seconds, oldest first.
-    """
+    """Newest records of the feed."""
 
     def __init__(self) -> None:
+        #: Newest of each kind; empty before the first.
         self.graph: dict[str, Any] = {}
         self.state: dict[str, Any] = {}
         self.diagnosis: dict[str, Any] = {}
+        #: Of the last `KEPT` seconds, oldest first.
         self.samples: deque[dict[str, Any]] = deque()
         self._tracking: deque[tuple[float, float, int]] = deque()
         self._model = ''
@@ -96,25 +89,16 @@ class Record:
 
 
 class LiveRig:
-    """
-    The processes behind the page "Live", one set for all its tabs.
-
-    Attributes
-    ----------
-    record : Record
-    namespace : str
-    failure : str
-        Why no messages are received; empty without a failure.
-    measurement : MeasureRun
-    measure_failure : str
-        Why a measurement did not begin, or why the bundle is not enabled after it; else empty.
-    """
+    """The processes behind the page "Live", one set for all its tabs."""
 
     def __init__(self) -> None:
         self.record = Record()
-        self.namespace = '/bundle'
+        self.namespace = live.NAMESPACE
+        #: Why no messages are received; empty without a failure.
         self.failure = ''
-        self.measurement, self.measure_failure = MeasureRun(), ''
+        self.measurement = MeasureRun()
+        #: Why a measurement did not begin, or why the bundle is not enabled after it; else empty.
+        self.measure_failure = ''
         self._measuring: asyncio.Task[None] | None = None
         self._feed: asyncio.subprocess.Process | None = None
         self._simulation: asyncio.subprocess.Process | None = None
@@ -137,14 +121,7 @@ class LiveRig:
         return not self.failure and 'plant_simulator' in self.record.graph.get('nodes', ())
 
     async def listen(self, namespace: str) -> None:
-        """
-        Listen to the bundle of a namespace.
-
-        Raises
-        ------
-        InputError
-            For a name that is not a ROS namespace.
-        """
+        """Listen to the bundle of a namespace; InputError for a name that is none."""
         live.check_namespace(namespace)
         if self.listening and namespace == self.namespace:
             return
@@ -177,10 +154,7 @@ class LiveRig:
         """
         Send an order, in the format of `live_feed`; return the answer.
 
-        Raises
-        ------
-        InputError
-            With the reason, if the order was refused or not answered.
+        InputError with the reason if the order was refused or not answered.
         """
         name = str(order.get('call') or order.get('set'))
         feed = self._feed
@@ -203,14 +177,7 @@ class LiveRig:
         return str(told['message'])
 
     def measure(self, order: Order) -> None:
-        """
-        Begin to measure; all tabs show the state in `measurement`.
-
-        Raises
-        ------
-        InputError
-            When a measurement is running already.
-        """
+        """Begin to measure, shown in all tabs; InputError when one is running already."""
         if self._measuring is not None and not self._measuring.done():
             raise InputError('a measurement is running already: stop it first')
         self.measure_failure = ''

@@ -186,12 +186,10 @@ class RigView:
             self.detail.set_text(f"{record.state['model']}: {record.state['words']}")
 
     def _tracking(self) -> str:
-        record = self.rig.record
-        value = record.tracking
-        if not math.isfinite(value):
-            return '-'
-        return f'{100 * value:.2f} %' if record.now.get('reference_kind') == 'strain' else (
-            newton(value))
+        value = self.rig.record.tracking
+        if self.rig.record.now.get('reference_kind') == 'strain' and math.isfinite(value):
+            return f'{100 * value:.2f} %'
+        return newton(value)
 
     def _able(self, name: str, able: bool) -> None:
         button = self.buttons[name]
@@ -228,8 +226,8 @@ def newton(value: float | None) -> str:
 
     Examples
     --------
-    >>> newton(0.912), newton(12.34), newton(None)
-    ('0.91 N', '12.3 N', '-')
+    >>> newton(0.912), newton(12.34), newton(None), newton(math.nan)
+    ('0.91 N', '12.3 N', '-', '-')
     """
     if value is None or not math.isfinite(value):
         return '-'

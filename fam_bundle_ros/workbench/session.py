@@ -14,7 +14,7 @@ from fam_bundle_ros.data.grouping import pressure_levels, varying_unit
 from fam_bundle_ros.discovery import compare, Comparison, Measurement, Region
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, Effect
+from fam_bundle_ros.model import Bundle, catalogue, Effect
 from fam_bundle_ros.workbench import changes
 from fam_bundle_ros.workbench.cases import Case
 from fam_bundle_ros.workbench.changes import Change, Since
@@ -23,28 +23,18 @@ from fam_bundle_ros.workbench.incoming import Incoming
 
 @dataclass(frozen=True)
 class Step:
-    """
-    One model of the ladder.
+    """One model of the ladder."""
 
-    Attributes
-    ----------
-    label : str
-        Change of the step: ``start``, ``recalibrated``, ``+ coulomb_friction``.
-    comparison : Comparison
-        Of the model after this step, over every sample.
-    held_out_N : float
-        Error on held-out blocks of data, N rms; nan without such blocks.
-    since : Since
-        Changes since the first model.
-    effect : str
-        Name of the effect that this step added, '' for none.
-    """
-
+    #: Change of the step: ``start``, ``recalibrated``, ``+ coulomb_friction``.
     label: str
     model: Bundle
+    #: Of the model after this step, over every sample.
     comparison: Comparison
+    #: Error on held-out blocks of data, N rms; nan without such blocks.
     held_out_N: float
+    #: Changes since the first model.
     since: Since = Since()
+    #: Name of the effect that this step added, '' for none.
     effect: str = ''
 
     @property
@@ -70,22 +60,14 @@ class Selection:
 
 @dataclass(frozen=True)
 class Choice:
-    """
-    A candidate as the page lists it.
-
-    Attributes
-    ----------
-    found : bool
-        Whether the diagnosis selected it; the others were tried and not needed.
-    rivals : tuple of str
-        Effects that these data cannot distinguish from it.
-    added : bool
-        Whether it is in the present model.
-    """
+    """A candidate as the page lists it."""
 
     candidate: Candidate
+    #: Whether the diagnosis selected it; the others were tried and not needed.
     found: bool
+    #: Effects that these data cannot distinguish from it.
     rivals: tuple[str, ...]
+    #: Whether it is in the present model.
     added: bool
 
     @property
@@ -96,27 +78,16 @@ class Choice:
 
 @dataclass
 class Session:
-    """
-    A case, its ladder of models, the last diagnosis and the selection.
-
-    Attributes
-    ----------
-    case : Case or None
-        None before a case is opened.
-    steps : list of Step
-        The first is the original model.
-    diagnosis : Diagnosis or None
-    diagnosed_at : int
-        Number of steps when the diagnosis was made.
-    incoming : Incoming or None
-        A file that is being read, before it is a case.
-    """
+    """A case, its ladder of models, the last diagnosis and the selection."""
 
     case: Case | None = None
+    #: The first is the original model.
     steps: list[Step] = field(default_factory=list)
     diagnosis: Diagnosis | None = None
+    #: Number of steps when the diagnosis was made.
     diagnosed_at: int = 0
     selection: Selection = Selection()
+    #: A file that is being read, before it is a case.
     incoming: Incoming | None = None
 
     # --- opening -------------------------------------------------------------------------------
@@ -213,11 +184,18 @@ class Session:
     def region(self) -> Region | None:
         """The zoomed region."""
         chosen = self.selection.region
-        return None if chosen is None or chosen >= len(self.regions) else self.regions[chosen]
+        return None if chosen is None else self.regions[chosen]
 
     def select(self, **choice: int | None) -> None:
-        """Change the selection: ``level``, ``direction``, ``trial``, ``region``; None for all."""
-        self.selection = replace(self.selection, **choice)
+        """
+        Change the selection: ``level``, ``direction``, ``trial``, ``region``; None for all.
+
+        InputError, and no change, if no sample has it.
+        """
+        before, self.selection = self.selection, replace(self.selection, **choice)
+        if not self.rows().any():
+            self.selection = before
+            raise InputError('no sample has this pressure, direction and trial together')
 
     # --- diagnosis -----------------------------------------------------------------------------
 
@@ -274,15 +252,7 @@ class Session:
     # --- adding --------------------------------------------------------------------------------
 
     def candidate_effect(self, name: str) -> Effect:
-        """
-        Return an effect of the last diagnosis by name, at its fitted values if it has any.
-
-        Raises
-        ------
-        InputError
-            When the diagnosis has no such candidate.
-        """
-        from fam_bundle_ros.model import catalogue
+        """Return an effect of the last diagnosis by name, at its fitted values if it has any."""
         for row in self.choices():
             if row.effect == name:
                 values = {e.key.partition('.')[2]: e.si for e in row.candidate.parameters}

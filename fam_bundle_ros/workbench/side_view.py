@@ -12,6 +12,7 @@ from fam_bundle_ros import palette
 from fam_bundle_ros.discovery import compare
 from fam_bundle_ros.discovery.result import Candidate
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import dumps_model
 from fam_bundle_ros.workbench import parts, takeaway
 from fam_bundle_ros.workbench.cases import Case
 from fam_bundle_ros.workbench.changes import Change
@@ -267,7 +268,7 @@ class SideView:
 
     def download_model(self) -> None:
         """Offer the present model as a download."""
-        self._give(takeaway.model_text(self.session), '.model.yaml', 'application/yaml')
+        self._give(dumps_model(self.session.now.model), '.model.yaml', 'application/yaml')
 
     def _download_csv(self) -> None:
         self._give(takeaway.csv_text(self.session), '_prediction.csv', 'text/csv')

@@ -1,12 +1,11 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Downloads: the model file, the data with prediction and residual, the report."""
+"""Downloads: the data with prediction and residual, the report."""
 
 from pathlib import Path
 import tempfile
 
 from fam_bundle_ros.discovery import write_csv
-from fam_bundle_ros.model import dumps_model
 from fam_bundle_ros.report.discovery_pages import (
     comparison_sections,
     diagnosis_sections,
@@ -23,11 +22,6 @@ def file_stem(session: Session) -> str:
     title = session.case.title if session.case else 'model'
     return '_'.join(''.join(c if c.isascii() and c.isalnum() else ' ' for c in title.lower())
                     .split()) or 'model'
-
-
-def model_text(session: Session) -> str:
-    """Return the present model as a model file."""
-    return dumps_model(session.now.model)
 
 
 def csv_text(session: Session) -> str:

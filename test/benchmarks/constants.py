@@ -32,7 +32,7 @@ from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery import diagnose, settings
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.model import load_model
-from fam_bundle_ros.report.numbers import number
+from fam_bundle_ros.report.numbers import shown
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What the rows of a run are compared with.
@@ -210,16 +210,16 @@ def summed(rows: dict[tuple[str, str, float], dict[str, Any]],
 
 def cells(found: dict[str, Any]) -> list[str]:
     """Return the cells of one variant."""
-    ratios = [number(value) for value in found['ratio']] if found['ratio'] else ['', '']
+    ratios = [shown(value) for value in found['ratio']] if found['ratio'] else ['', '']
     return [str(found['cases']), f"{found['right']} ({found['was_right']}) of {found['judged']}",
             f"{found['wrong']} ({found['was_wrong']})", str(found['other']), *ratios]
 
 
-def shown(value: Any) -> str:
+def written(value: Any) -> str:
     """Return a constant as the table has it."""
     if isinstance(value, np.ndarray):
-        return f'{number(float(value[value > 0].min()))} to {number(float(value.max()))}'
-    return number(float(value))
+        return f'{shown(float(value[value > 0].min()))} to {shown(float(value.max()))}'
+    return shown(float(value))
 
 
 def page(rows: dict[tuple[str, str, float], dict[str, Any]], command: str) -> str:
@@ -232,7 +232,7 @@ def page(rows: dict[tuple[str, str, float], dict[str, Any]], command: str) -> st
         lost = max(found['was_right'] - found['right'] + found['wrong'] - found['was_wrong']
                    for found in both)
         lines.append(((-lost, -max(found['other'] for found in both)), [
-            [f'`{name}`', shown(value), word, *cells(found)]
+            [f'`{name}`', written(value), word, *cells(found)]
             for word, found in zip(('half', 'double'), both)]))
     lines.sort(key=lambda line: line[0])
     head = ['constant', 'value', 'times', 'cases', 'right (before)',

@@ -130,8 +130,7 @@ def test_a_result_is_found_by_what_it_depends_on_and_nothing_else(lab, monkeypat
              'recipe': Recipe(), 'choices': Choices()}
 
     def address(**other):
-        chosen = {**usual, **other}
-        return job.Job.of(**chosen).address(chosen['model'].digest)
+        return job.Job(**{**usual, **other}).address
     in_table = {each.file: each for each in find(lab, lab / 'specimens.csv')}['m0.csv'].specimen
     usual_address, others = address(), [
         address(recording=Recording('a.csv', lab / 'a.csv', 'abd')),
@@ -146,14 +145,15 @@ def test_a_result_is_found_by_what_it_depends_on_and_nothing_else(lab, monkeypat
 
 def test_an_error_of_the_machine_is_tried_again_and_one_of_the_data_is_not(lab, tmp_path):
     """A file that a worker cannot see is no finding about the file."""
-    there, gone = (job.Job('x.csv', str(path), 'other', job.Model.of(lab / 'model.yaml'), (),
+    there, gone = (job.Job(Recording('x.csv', path, 'other'), job.Model.of(lab / 'model.yaml'),
                            Recipe(), Choices())
                    for path in (lab / 'm0.csv', tmp_path / 'gone.csv'))
     assert 'changed while' in job.run(there)['error']
     assert 'expected every worker to see' in job.run(gone)['error']
     empty = tmp_path / 'empty.csv'
     empty.touch()
-    broken = job.Job('x.csv', str(empty), file_digest(empty), there.model, (), Recipe(), Choices())
+    broken = job.Job(Recording('x.csv', empty, file_digest(empty)), there.model, Recipe(),
+                     Choices())
     assert [job.run(each)['passing'] for each in (there, gone, broken)] == [True, True, False]
 
 

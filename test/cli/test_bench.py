@@ -66,7 +66,8 @@ def test_bench_lists_its_rows_and_refuses_others(fam_bundle):
 @pytest.mark.parametrize('name', ['solvers', 'jacobian', 'ticks'])
 def test_every_row_gives_figures_or_says_why_not(name):
     """A row measures something, or names what is missing."""
-    result, = speed.run(speed.choose(ROWS, [name]), TINY)
+    row, = speed.choose(ROWS, [name])
+    result = speed.run(row, TINY)
     assert result.figures or result.skipped
     assert all(figure.value > 0.0 for figure in result.figures)
 

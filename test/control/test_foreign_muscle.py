@@ -18,14 +18,12 @@ from fam_bundle_ros.benchmarks.foreign_muscle import (
     Wrong,
 )
 from fam_bundle_ros.benchmarks.plants import (
-    kind_of,
     model_error,
     paper_bundle,
     PLANTS,
     sweep,
     UNITS,
 )
-from fam_bundle_ros.errors import InputError
 
 LENGTH = 0.127
 #: `measured` has tests of its own.
@@ -165,11 +163,3 @@ def test_compiled_muscle_is_the_plain_one():
 def _force(model, unit, strain, pressure, start):
     return model.force(unit, strain, 0.0, pressure, 0.0, 1e-3, start, model.shape,
                        model.parameters, model.tables, model.memory, model.after)
-
-
-def test_plant_that_there_is_not_fails():
-    """The names that there are come with the error."""
-    with pytest.raises(InputError, match='expected one of everything'):
-        kind_of('perfect')
-    with pytest.raises(InputError, match='4 motor units; expected one of 2, 3, 6'):
-        paper_bundle(4)

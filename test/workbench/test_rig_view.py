@@ -13,7 +13,6 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench import rig_view
 from fam_bundle_ros.workbench.page import root
 from fam_bundle_ros.workbench.rig_feed import LiveRig
-from fam_bundle_ros.workbench.rig_view import newton
 
 pytestmark = pytest.mark.anyio
 STATE = {'kind': 'state', 'file': 'models/spie2021.yaml', 'model': 'spie2021', 'holds': True,
@@ -130,10 +129,3 @@ async def test_from_a_failure_to_a_candidate_and_its_refusal(page):
     assert sum(order.get('call') == 'apply_model' for order in rig.orders) == 1
     plot, = (each for each in user.find(ui.plotly).elements if each.figure['data'])
     assert any(trace.get('name') == 'residual' for trace in plot.figure['data'])
-
-
-@pytest.mark.parametrize(('value', 'said'), [
-    (0.912, '0.91 N'), (12.34, '12.3 N'), (None, '-'), (float('nan'), '-')])
-def test_forces_are_written_with_three_digits(value, said):
-    """And a dash where nothing is known."""
-    assert newton(value) == said

@@ -25,12 +25,6 @@ def test_every_example_that_ships_opens(key):
     assert made.case.origin
 
 
-def test_an_unknown_example_fails():
-    """A key that is no example is refused by name."""
-    with pytest.raises(InputError, match='no_such'):
-        load_example('no_such')
-
-
 def test_the_hidden_friction_starts_where_its_card_says(session):
     """The example is off by what `compare` and its card say, and its noise is 0.6 N."""
     told = compare(session.now.model, session.data).error_N
@@ -152,3 +146,11 @@ def test_the_headline_of_a_diagnosis_is_no_more_than_it_says(verdict, artefacts,
                             replaced={}, removed=())
     session = SimpleNamespace(diagnosis=found, steps=[None], diagnosed_at=1)
     assert CaseView._said(SimpleNamespace(session=session)) == said
+
+
+def test_a_selection_without_samples_fails_and_changes_nothing(session):
+    """What no sample has cannot be drawn: the selection before it stays."""
+    session.select(level=2)
+    with pytest.raises(InputError, match='no sample has'):
+        session.select(level=7, direction=1)
+    assert (session.selection.level, session.selection.direction) == (2, None)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.discovery import compare, read_measurement
-from fam_bundle_ros.model import loads_model
+from fam_bundle_ros.model import dumps_model, loads_model
 from fam_bundle_ros.workbench import takeaway
 from fam_bundle_ros.workbench.session import short
 
 
 def test_the_model_file_gives_the_same_prediction(with_friction):
     """A downloaded model, read again, predicts what the page showed."""
-    model = loads_model(takeaway.model_text(with_friction))
+    model = loads_model(dumps_model(with_friction.now.model))
     again = compare(model, with_friction.data).prediction
     assert np.allclose(again, with_friction.now.prediction, atol=1e-4)
 
