@@ -12,7 +12,7 @@ from fam_bundle_ros.data.cell_text import begins_with_date, CLOCK, is_number, is
 from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table, without_count
-from fam_bundle_ros.data.unit_names import is_unit
+from fam_bundle_ros.data.unit_names import is_unit, unbracketed
 from fam_bundle_ros.errors import InputError
 
 #: Largest share of the rows that may be left out as a footer.
@@ -60,8 +60,7 @@ def settings(table: Table, words: np.ndarray) -> np.ndarray:
 
 def _begins_with_word(table: Table, at: int) -> bool:
     first = next(filter(None, _cells(table, at)), '')
-    return not (is_number(first) or CLOCK.fullmatch(first)
-                                or begins_with_date(first))
+    return not (is_number(first) or CLOCK.fullmatch(first) or begins_with_date(first))
 
 
 def refuse_another_header(table: Table, words: np.ndarray) -> None:
@@ -133,7 +132,7 @@ def _other_words(table: Table, at: int) -> list[str]:
     """Return the cells of a row that are neither blank nor the header or its unit again."""
     return [cell for cell, header in zip(_cells(table, at), table.columns)
             if cell and ' '.join(cell.split()) not in (header, without_count(header))
-            and cell.strip('[](){}<>') != table.units.get(header)]
+            and unbracketed(cell) != table.units.get(header)]
 
 
 def _is_setting(cells: list[str]) -> bool:

@@ -9,7 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import slope
+from fam_bundle_ros.data.rates import begins, slope
+
+#: Strains closer than this are one.
+ONE_STRAIN = 2e-4
 
 
 def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.ndarray]:
@@ -56,6 +59,28 @@ def strain_bins(strain: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
         middle = (levels[1:] + levels[:-1]) / 2
         edges = np.concatenate([[levels[0] - 1e-6], middle, [levels[-1] + 1e-6]])
     return np.clip(np.searchsorted(edges, strain, side='right') - 1, 0, len(edges) - 2), edges
+
+
+def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return a cell label and a visit label for each row, (T,) int.
+
+    A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
+    in one.
+    """
+    span = float(np.ptp(measurement.strain))
+    # a strain that is held is one bin, whatever its rounding
+    held = np.zeros(len(measurement), int)
+    parts = [held if span < ONE_STRAIN else
+             np.floor(measurement.strain / span * strains).astype(int)]
+    for column in measurement.pressure.T:
+        width = max(float(np.ptp(column)) / 40.0, 5e3)
+        # isobars differ by their noise: bins are centred on the usual steps by rounding
+        parts.append(np.round(column / width).astype(int))
+    parts.append(measurement.direction)
+    _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    return cell, np.cumsum(begins(cell, measurement.trial)) - 1
 
 
 def merge(labels: np.ndarray, most: int) -> np.ndarray:

@@ -29,7 +29,7 @@ _END = '***End_of_Header***'
 _UNSET = np.datetime64('1904-01-01')
 
 
-def read_lvm(path: Path, sheet: str | None = None) -> Table:
+def read_lvm(path: Path) -> Table:
     """
     Return the table of a .lvm file; several segments are trials.
 

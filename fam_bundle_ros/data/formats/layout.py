@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import takewhile
 import re
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,23 +28,13 @@ from fam_bundle_ros.data.cell_text import (
 from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.formats import heads
 from fam_bundle_ros.data.formats.table import is_unnamed
-from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
+from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit, unbracketed
 
 #: Units of other quantities that stand in a row of units.
 _OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
     l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
 #: Rows looked at above the data, and for names.
 _ABOVE, _HEAD = 8, 16
-
-
-class Layout(NamedTuple):
-    """Names and units of the columns, the index of the first row of data in the grid, a note."""
-
-    names: list[str]
-    units: dict[str, str]
-    first: int
-    width: int
-    note: str = ''
 
 
 def trimmed(row: Sequence[str]) -> list[str]:
@@ -196,8 +185,8 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
         for i, (cell, above) in enumerate(zip(near[at][1], over))]
     units_at = sorted((i for i in range(len(near)) if i != at and unit_like[i]), key=lambda i: (
         sum(recognise(*pair).score > 0 for pair in zip(names, near[i][1])), i))[-1:]
-    units = {name: cell.strip().strip('[](){}<>') for i in units_at
-             for name, cell in zip(names, near[i][1]) if cell.strip().strip('[](){}<>')}
+    units = {name: unit for i in units_at for name, cell in zip(names, near[i][1])
+             if (unit := unbracketed(cell))}
     index = trimmed(rows[-1])
     if at >= 0 and len(index) == 1 < width and recognise(index[0]).quantity in ('time', 'trial'):
         names[0] = index[0]  # pandas writes the name of an index below those of the columns
@@ -250,6 +239,6 @@ def _of_columns(row: Sequence[str]) -> bool:
 
 def are_units(row: Sequence[str]) -> bool:
     """Return whether most of a row's cells are units."""
-    cells = [cell.strip().strip('[](){}<>') for cell in row if cell.strip()]
+    cells = [unbracketed(cell) for cell in row if cell.strip()]
     known = sum(is_unit(cell) or cell in ELECTRIC for cell in cells)
     return known > 0 and known + sum(cell in _OTHER_UNITS for cell in cells) > 0.5 * len(cells)

@@ -74,12 +74,11 @@ def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
     with open(path, encoding=encoding, errors=errors) as stream:
         lines = _lines(path.name, stream)
         head = list(islice(lines, _SNIFFED))
-        if labelled(path.name, head) is not None:
-            table = labelled(path.name, [*head, *islice(lines, MAX_ROWS + 1)])
-            if table is not None:
-                return table
+        if labelled(path.name, head) is not None and (table := labelled(
+                path.name, [*head, *islice(lines, MAX_ROWS + 1)])) is not None:
+            return table
     dialect, skipped = sniff(path.name, head)
-    names = unique(dialect.layout.names)
+    names = unique(dialect.names)
     with open(path, encoding=encoding, errors=errors) as stream:
         rows = _Rows(_lines(path.name, stream), skipped, dialect, drop_bad)
         decimal = '.' if dialect.decimal == dialect.separator else dialect.decimal
@@ -87,7 +86,7 @@ def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
             pieces = []
             with warnings.catch_warnings(), pandas.read_csv(
                     rows, sep=dialect.separator, decimal=decimal, header=None,
-                    names=range(dialect.layout.width), index_col=False, skipinitialspace=True,
+                    names=range(dialect.width), index_col=False, skipinitialspace=True,
                     na_values=list(BLANKS), skip_blank_lines=False, quotechar='"',
                     chunksize=200_000, low_memory=False,
                     on_bad_lines='error') as reader:
@@ -104,15 +103,15 @@ def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
             raise _bad_line(path.name, error, rows) from error
     columns, at = {}, np.frombuffer(rows.numbers, np.int64)[:total]
     units = {}
-    for i, (name, own) in enumerate(zip(names, dialect.layout.names)):
-        unit = dialect.layout.units.get(own, '')
+    for i, (name, own) in enumerate(zip(names, dialect.names)):
+        unit = dialect.units.get(own, '')
         columns[name], unit = _numbers_or_text([piece[i] for piece in pieces], dialect.decimal,
                                                unit)
         if unit:
             units[name] = unit
     return Table(path.name, dialect.words, columns, units, at, above=tuple(head[:skipped]),
                  remarks=tuple(rows.remarks),
-                 notes=tuple(filter(None, [dialect.layout.note, rows.note])),
+                 notes=tuple(filter(None, [dialect.note, rows.note])),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -248,19 +247,19 @@ class _Rows(io.TextIOBase):
 
     def _too_wide(self, line: str) -> bool:
         """Return whether a line has more cells than there are columns."""
-        width = self._dialect.layout.width
+        width = self._dialect.width
         return line.count(self._separator) >= width and len(
             split(line, self._dialect.separator)) > width
 
     def _narrow(self, line: str) -> str:
         """Cut a line of words, such as the head of a next test, to as many cells as columns."""
-        width = self._dialect.layout.width
-        cells = split(line, self._dialect.separator) if self._too_wide(line) else []
-        if not cells or any(is_number(cell, self._dialect.decimal)
-                                      for cell in cells[:width]):
+        if not self._too_wide(line):
+            return line
+        cells = split(line, self._dialect.separator)[:self._dialect.width]
+        if any(is_number(cell, self._dialect.decimal) for cell in cells):
             return line
         return self._separator.join(cell.replace('"', '').replace(self._separator, ' ')
-                                    for cell in cells[:width])
+                                    for cell in cells)
 
 
 def _bad_line(name: str, error: Exception, rows: _Rows) -> InputError:
