@@ -52,14 +52,9 @@ _GUESSES = {
 def ranges(max_pressure: float | None = None, max_strain: float | None = None,
            ) -> dict[str, Range]:
     """
-    Return the range of each quantity.
+    Return the range of each quantity, by the highest gauge pressure (Pa) and strain of a muscle.
 
-    Parameters
-    ----------
-    max_pressure : float, Pa, optional
-        Highest gauge pressure of the muscle, for hydraulic ones; at least `MAX_PRESSURE`.
-    max_strain : float, optional
-        Highest strain of the muscle, for those that shorten by more than 0.5.
+    At least `MAX_PRESSURE` and `MAX_STRAIN` are allowed.
     """
     pressure = max(1.2 * (max_pressure or 0.0), MAX_PRESSURE)
     strain = max(1.05 * (max_strain or 0.0), MAX_STRAIN)

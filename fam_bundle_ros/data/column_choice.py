@@ -280,8 +280,7 @@ def _same(one: np.ndarray, other: np.ndarray, unit: Unit | None, another: Unit |
             one.dtype.kind == other.dtype.kind == 'f' and unit[2:] == another[2:]):
         size = _ROUNDED * np.nanmax(np.abs(one), initial=0.0) * unit.factor
         return bool(np.allclose(one * unit.factor, other * another.factor, 0.0, size, True))
-    if unit != another:
+    if unit != another or one.dtype.kind != other.dtype.kind:
         return False
-    if one.dtype.kind == 'f' and other.dtype.kind == 'f':
-        return np.array_equal(one, other, equal_nan=True)
-    return one.dtype.kind == other.dtype.kind and one.tolist() == other.tolist()
+    return (np.array_equal(one, other, equal_nan=True) if one.dtype.kind == 'f' else
+            one.tolist() == other.tolist())

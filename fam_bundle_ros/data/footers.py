@@ -8,8 +8,16 @@ from itertools import takewhile
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import begins_with_date, CLOCK, is_number, is_statistic
-from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers
+from fam_bundle_ros.data.cells import (
+    begins_with_date,
+    blank,
+    CLOCK,
+    is_number,
+    is_statistic,
+    is_text,
+    looks_like_time,
+    numbers,
+)
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table, without_count
 from fam_bundle_ros.data.unit_names import is_unit, unbracketed
@@ -20,15 +28,7 @@ _MOST = 0.1
 
 
 def rows_of_words(table: Table, readings: np.ndarray) -> np.ndarray:
-    """
-    Return the rows that hold words and no reading, (T,) bool.
-
-    Parameters
-    ----------
-    table : Table
-    readings : ndarray of bool, shape (T,)
-        Rows with at least one number in a column that is used.
-    """
+    """Return which rows hold words and no reading of a used column (``readings``), (T,) bool."""
     rows = np.flatnonzero(~readings)
     found = np.zeros(len(readings), bool)
     for column in filter(is_text, table.columns.values()):
@@ -40,13 +40,8 @@ def settings(table: Table, words: np.ndarray) -> np.ndarray:
     """
     Return the rows above a next block that hold a setting, (T,) bool: 'Pressure', '3.0', 'bar'.
 
-    Above the header again, these are all the rows that begin with a word.
-
-    Parameters
-    ----------
-    table : Table
-    words : ndarray of bool, shape (T,)
-        Rows with a word in a column that is used.
+    Above the header again, these are all the rows that begin with a word. ``words``, (T,) bool,
+    are the rows with a word in a column that is used.
     """
     found = np.zeros(len(words), bool)
     for at in np.flatnonzero(words).tolist():
@@ -67,13 +62,8 @@ def refuse_another_header(table: Table, words: np.ndarray) -> None:
     """
     Raise InputError where a header with other columns or units stands further down.
 
-    The rows below it would be read as the columns of the first header.
-
-    Parameters
-    ----------
-    table : Table
-    words : ndarray of bool, shape (T,)
-        From `rows_of_words`.
+    The rows below it would be read as the columns of the first header. ``words`` are
+    `rows_of_words`.
     """
     for at in np.flatnonzero(words).tolist():
         cells = [cell for cell in _cells(table, at) if cell]

@@ -147,15 +147,9 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     """
     Return the standard deviation of differences with outliers, by their median deviation.
 
-    Differences of quantised readings are multiples of the step: where the step is not small
-    beside them, the median deviation is one too, often zero. The standard deviation of those
-    within 5 of it, or of the step, is taken then.
-
-    Parameters
-    ----------
-    gaps : ndarray
-    quantum : float
-        Step that the readings come in, 0 for none.
+    Differences of readings in steps (``quantum``, 0 for none) are multiples of the step: where it
+    is not small beside them, the median deviation is one too, often zero. The standard deviation
+    of those within 5 of it, or of the step, is taken then.
     """
     gaps = gaps - np.median(gaps)
     robust = float(ROBUST * np.median(np.abs(gaps)))

@@ -36,12 +36,8 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     Trials are compared only where they met the same strain, pressure and direction at about the
     same speed, so that no error of a model can pass for an offset: a two-way analysis of variance
     with cells and trials, the noise counted by its independent samples. In a map without trials,
-    where each repeat is a block of the file, blocks are the trials.
-
-    Parameters
-    ----------
-    values : ndarray, shape (T,), N
-        Measured minus modelled force.
+    where each repeat is a block of the file, blocks are the trials. Values are measured minus
+    modelled forces, (T,), N.
     """
     if measurement.is_static:
         cell = _cells_of_a_map(measurement)

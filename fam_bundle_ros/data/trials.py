@@ -126,13 +126,7 @@ def fresh_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
 
     Rows share one of a clock coarser than the sampling, such as ISO times in whole seconds. So do
     rows that a computer got in packets and stamped as it wrote them: most of them follow within a
-    tenth of the usual distance.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,), s
-        Not decreasing within a trial.
-    trial : ndarray of int, shape (T,)
+    tenth of the usual distance. The times (s) do not decrease within a trial.
     """
     step, same = np.diff(time), np.diff(trial) == 0
     close = same & (step < _PACKET * usual_step(time, trial))
@@ -146,12 +140,6 @@ def spread_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
 
     Which rows share one is said by `fresh_stamps`. The first group of a trial may be cut by the
     start of the log, and the last by its end: their rows keep the usual distance.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,), s
-        Not decreasing within a trial.
-    trial : ndarray of int, shape (T,)
 
     Examples
     --------

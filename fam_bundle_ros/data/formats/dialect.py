@@ -9,7 +9,7 @@ import csv
 import re
 from typing import NamedTuple
 
-from fam_bundle_ros.data.cell_text import in_groups, is_number, is_reading
+from fam_bundle_ros.data.cells import in_groups, is_number, is_reading
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.errors import InputError

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import is_number
-from fam_bundle_ros.data.cells import seconds
+from fam_bundle_ros.data.cells import is_number, seconds
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.arrays import flattened, of_arrays
 from fam_bundle_ros.data.formats.channels import filled_up, Series

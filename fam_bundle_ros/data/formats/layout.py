@@ -17,7 +17,7 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import (
+from fam_bundle_ros.data.cells import (
     is_blank,
     is_number,
     is_reading,
@@ -51,11 +51,6 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
 
     More cells than usual are columns only where a row above the data has as many, or where most
     rows have as many separators.
-
-    Parameters
-    ----------
-    grid : sequence of rows of text cells
-    decimal : str
     """
     width = np.array([len(trimmed(row)) for row in grid])
     numbers = np.array([sum(is_reading(cell, decimal) for cell in row) for row in grid])
@@ -147,16 +142,10 @@ def may_name(cells: Sequence[str], width: int) -> bool:
 def find_names(rows: Sequence[Sequence[str]], width: int,
                ) -> tuple[list[str], dict[str, str], int]:
     """
-    Return the columns' names, their units where a row of them was found, and the last row used.
+    Return the names of so many columns, their units where a row of them was found, and a row.
 
-    The last is an index of ``rows``, -1 where there are no names.
-
-    Parameters
-    ----------
-    rows : sequence of rows of text cells
-        Those above the data, the nearest last.
-    width : int
-        Number of columns.
+    It is the last row that holds names or units, as an index of ``rows``, -1 for none; ``rows``
+    are those above the data, the nearest last.
     """
     pairs = heads.of_pairs(rows, width)
     if pairs is not None:

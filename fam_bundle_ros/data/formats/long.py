@@ -53,8 +53,8 @@ def wide(table: Table) -> Table:
         return table
     signal, value, others = found
     # rows that repeat the header are not readings
-    named = np.array([not blank(cell) for cell in table.columns[signal]], bool)
-    rows = named & np.array([str(cell).strip() != signal for cell in table.columns[signal]], bool)
+    named = np.array([not blank(cell) for cell in table.columns[signal]])
+    rows = named & [str(cell).strip() != signal for cell in table.columns[signal]]
     bad, qualities = _of_bad_quality(table, others, rows)
     rows &= ~bad
     labels, names = _counted(table.columns[signal][rows])
@@ -80,10 +80,10 @@ def wide(table: Table) -> Table:
         if any(not blank(text) and is_unit(str(text)) for text in set(texts)):
             values, units[header] = in_one_unit(table.name, header, values, texts, at[mine])
         columns[header] = _spread(values, place[mine], len(first))
-    unread = [repr(header) for header in others if not is_unnamed(header)
-              and header not in (*columns, *qualities, clock.source, unit_column)]
+    unread = ', '.join(repr(header) for header in others if not is_unnamed(header)
+                       and header not in (*columns, *qualities, clock.source, unit_column))
     notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
-             + (f"; not used: {', '.join(unread)}" if unread else '')]
+             + (f'; not used: {unread}' if unread else '')]
     if bad.any():
         notes.append(f"{counted(int(bad.sum()), 'reading')} of bad quality left out (first row "
                      f'{table.rows[np.argmax(bad)]})')
@@ -100,10 +100,11 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
     if known & {'force', 'pressure'}:
         return None
     signals = {}
-    for header in (header for header, column in table.columns.items() if is_text(column)):
-        names = {str(cell).strip() for cell in table.columns[header] if not blank(cell)}
-        names -= {header}
-        if 1 < len(names) <= _MOST and not looks_like_time(table.columns[header]):
+    for header, column in table.columns.items():
+        if not is_text(column) or looks_like_time(column):
+            continue
+        names = {str(cell).strip() for cell in column if not blank(cell)} - {header}
+        if 1 < len(names) <= _MOST:
             meant = {recognise(name).quantity for name in names}
             sure = 'force' in meant and bool(meant & {'pressure', *STRAINS})
             if sure or _key(header) in _SIGNAL:
@@ -114,9 +115,8 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
                   and not recognise(header).quantity and np.isfinite(column).any()]
     if not signals or len(values) != 1:
         return None
-    signal = max(signals, key=lambda header: signals[header])
-    return signal, values[0], [header for header in table.columns
-                               if header not in (signal, values[0])]
+    used = max(signals, key=lambda header: signals[header]), values[0]
+    return *used, [header for header in table.columns if header not in used]
 
 
 def _key(header: str) -> str:

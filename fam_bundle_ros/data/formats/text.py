@@ -20,8 +20,7 @@ import warnings
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import BLANKS, is_number, with_unit
-from fam_bundle_ros.data.cells import numbers
+from fam_bundle_ros.data.cells import BLANKS, is_number, numbers, with_unit
 from fam_bundle_ros.data.formats.dialect import BLANK, Dialect, is_comment, sniff, split
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
@@ -47,13 +46,7 @@ _REMARKS = 10_000
 
 def read_text(path: Path, drop_bad: bool = False) -> Table:
     """
-    Return the table that a text file holds.
-
-    Parameters
-    ----------
-    path : path
-    drop_bad : bool, optional
-        Leave rows of more cells than columns out.
+    Return the table that a text file holds; ``drop_bad`` leaves rows of too many cells out.
 
     Raises
     ------

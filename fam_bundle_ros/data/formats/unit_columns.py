@@ -33,13 +33,7 @@ def with_unit_columns(table: Table, told: Collection[str] = ()) -> Table:
     Such a column is called 'unit' and mostly holds units that fit the quantity beside it, or it
     has no name, is right of a quantity, and has a fitting unit for each reading. Units are of the
     column on their left, or all of that on their right where more fit. Readings of several units
-    are converted to the first.
-
-    Parameters
-    ----------
-    table : Table
-    told : collection of str
-        What the user tells: a unit in it counts more.
+    are converted to the first. A unit that the user tells (in one of ``told``) counts more.
 
     Raises
     ------

@@ -12,7 +12,7 @@ import zipfile
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import in_groups, is_blank, is_number, number
+from fam_bundle_ros.data.cells import in_groups, is_blank, is_number, number
 from fam_bundle_ros.data.column_names import STRAINS
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other, parts_of_one
