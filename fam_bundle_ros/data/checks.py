@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.column_names import unit_for
 from fam_bundle_ros.errors import InputError
 
 #: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
@@ -41,12 +42,9 @@ class Range(NamedTuple):
 _HIGHEST = {'pressure': 1e8, 'strain': 1.0}
 #: A unit is suggested only if the largest reading in it is at least this.
 _SMALLEST = {'pressure': 20e3, 'strain': 0.02, 'force': 5.0}
-#: Units that the header probably should have said, and their factors to SI.
-_GUESSES = {
-    'pressure': (('kPa', 1e3), ('Pa', 1.0), ('MPa', 1e6), ('bar', 1e5), ('psi', 6894.757)),
-    'strain': (('%', 0.01), ('1', 1.0)),
-    'force': (('N', 1.0), ('lbf', 4.448222), ('mN', 1e-3), ('kN', 1e3)),
-}
+#: Units that the header probably should have said.
+_GUESSES = {'pressure': ('kPa', 'Pa', 'MPa', 'bar', 'psi'), 'strain': ('%', '1'),
+            'force': ('N', 'lbf', 'mN', 'kN')}
 
 
 def ranges(max_pressure: float | None = None, max_strain: float | None = None,
@@ -129,11 +127,11 @@ def check_pressure_units(name: str, columns: Mapping[str, np.ndarray],
 
 
 def _guess(quantity: str, given: np.ndarray, unit: str, low: float, high: float) -> str:
-    for other, scale in _GUESSES[quantity]:
-        tried = given * scale
-        if other != unit and tried.min() >= low and tried.max() <= high and (
+    for other in filter(None, (unit_for(quantity, text) for text in _GUESSES[quantity])):
+        tried = given * other.factor
+        if other.text != unit and tried.min() >= low and tried.max() <= high and (
                 np.abs(tried).max() > _SMALLEST[quantity]):
-            return f' (did you mean {other}?)'
+            return f' (did you mean {other.text}?)'
     return ''
 
 

@@ -90,6 +90,22 @@ def merge(labels: np.ndarray, most: int) -> np.ndarray:
     return index if count <= most else index * most // count
 
 
+def earlier(labels: np.ndarray) -> np.ndarray:
+    """
+    Return how many earlier rows have the same label, (T,) int.
+
+    Examples
+    --------
+    >>> earlier(np.array([5, 7, 5, 5, 7]))
+    array([0, 0, 1, 2, 1])
+    """
+    order = np.argsort(labels, kind='stable')
+    first = np.flatnonzero(begins(labels[order]))
+    count = np.empty(len(labels), int)
+    count[order] = np.arange(len(labels)) - np.repeat(first, np.diff(first, append=len(labels)))
+    return count
+
+
 def rms(values: np.ndarray | Sequence[float]) -> float:
     """Return the root mean square."""
     values = np.asarray(values, float)
@@ -105,12 +121,12 @@ def reversals(data: Measurement) -> np.ndarray:
     """
     if data.is_static:
         return np.zeros(len(data), bool)
-    turn = (data.direction[1:] * data.direction[:-1] < 0) | (data.trial[1:] != data.trial[:-1])
-    unsure = data.start.copy()
+    start = data.start
+    turn = ~start[1:] & (data.direction[1:] * data.direction[:-1] < 0)
+    unsure = start.copy()
     unsure[1:] |= turn
-    unsure[:-1] |= turn & (data.trial[1:] == data.trial[:-1])
-    still = np.zeros(len(data), bool)
-    still[1:] = unsure[:-1] & (data.trial[1:] == data.trial[:-1]) & ~data.start[:-1]
-    before = np.zeros(len(data), bool)
-    before[:-1] = unsure[1:] & (data.trial[1:] == data.trial[:-1]) & ~data.start[1:]
-    return unsure | still | before
+    unsure[:-1] |= turn
+    near = unsure.copy()
+    near[1:] |= unsure[:-1] & ~start[1:] & ~start[:-1]
+    near[:-1] |= unsure[1:] & ~start[1:]
+    return near

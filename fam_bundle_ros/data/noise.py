@@ -113,17 +113,15 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     offsets = trial_offsets(measurement, values)
     if offsets is not None:
         values = values - offsets.rows
-    floor = _floor(measurement, values)
-    if offsets is not None:
-        floor = replace(floor, note=str(offsets))
-    floor = replace(floor, in_file_order=_smoothness(measurement, values, by_strain=False),
+    floor = replace(_floor(measurement, values),
+                    in_file_order=_smoothness(measurement, values, by_strain=False),
                     in_strain_order=_smoothness(measurement, values, by_strain=True))
-    if not floor.hides_loops:
-        return floor
-    return replace(floor, note='rows that follow each other in the file agree to '
-                   f'{floor.in_file_order:.2g} N, rows of equal strain and pressure only to '
-                   f'{floor.in_strain_order:.2g} N: loops or drift, which cannot be judged '
-                   'without time')
+    if floor.hides_loops:
+        return replace(floor, note='rows that follow each other in the file agree to '
+                       f'{floor.in_file_order:.2g} N, rows of equal strain and pressure only to '
+                       f'{floor.in_strain_order:.2g} N: loops or drift, which cannot be judged '
+                       'without time')
+    return floor if offsets is None else replace(floor, note=str(offsets))
 
 
 def force_step(force: np.ndarray) -> float:

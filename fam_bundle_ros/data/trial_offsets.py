@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtri
 
-from fam_bundle_ros.data.grouping import pressure_levels, pressure_speed, visit_cells
+from fam_bundle_ros.data.grouping import earlier, pressure_levels, pressure_speed, visit_cells
 from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
 from fam_bundle_ros.data.rates import FALSE_ALARM
 
@@ -40,13 +40,16 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     modelled forces, (T,), N.
     """
     if measurement.is_static:
-        cell = _cells_of_a_map(measurement)
-        trial = measurement.trial if len(measurement.trial_names) > 1 else _repeats(cell)
+        cell, trial = _cells_of_a_map(measurement), measurement.trial
+        if len(measurement.trial_names) == 1:  # repeats, if they are whole blocks
+            trial = earlier(cell)
+            if (np.diff(trial) < 0).any():
+                return None
     else:
         trial = measurement.trial
         cell = np.unique(np.stack([visit_cells(measurement)[0], _speeds(measurement)]), axis=1,
                          return_inverse=True)[1].ravel()
-    if trial is None or trial.max() < 1:
+    if trial.max() < 1:
         return None
     count = np.bincount(cell)
 
@@ -98,15 +101,6 @@ def _cells_of_a_map(measurement: Measurement) -> np.ndarray:
     # up and down differ by friction, which is not an offset: they are different cells
     way = np.where(np.append(step, 0.0) != 0.0, np.append(step, 0.0), np.append(0.0, step))
     return np.unique(np.stack([strain, *levels, way], -1), axis=0, return_inverse=True)[1].ravel()
-
-
-def _repeats(cell: np.ndarray) -> np.ndarray | None:
-    """Return the number of earlier rows in the same cell, if repeats are whole blocks."""
-    order = np.argsort(cell, kind='stable')
-    first = np.flatnonzero(np.diff(cell[order], prepend=-1))
-    count = np.empty(len(cell), int)
-    count[order] = np.arange(len(cell)) - np.repeat(first, np.diff(np.append(first, len(cell))))
-    return count if np.all(np.diff(count) >= 0) else None
 
 
 def autocorrelation_time(residual: np.ndarray, trial: np.ndarray) -> float:

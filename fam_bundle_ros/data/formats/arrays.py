@@ -40,10 +40,8 @@ def read_arrow(path: Path, sheet: str | None = None, *, kind: str) -> Table:
 def of_frame(frame: Any, name: str, kind: str = 'frame',
              units: Mapping[str, str] | None = None) -> Table:
     """Return the table of a pandas frame; an index with a name, or of times, is a column."""
-    index = getattr(frame, 'index', None)
-    if index is not None and (getattr(index, 'name', None) or getattr(
-            getattr(index, 'dtype', None), 'kind', '') in 'mM'):
-        frame = frame.rename_axis(index.name or 'time').reset_index()
+    if frame.index.name or frame.index.dtype.kind in 'mM':
+        frame = frame.rename_axis(frame.index.name or 'time').reset_index()
     return Table(name, kind, plain_columns(frame), units or {})
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import io
 import logging
 from pathlib import Path
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,9 +43,9 @@ def read_lvm(path: Path) -> Table:
     """
     pandas = library('pandas', f'{path.name}: reading it')
     lines = path.read_text(encoding=encoding_of(path), errors='replace').splitlines()
-    general = dict(_header_line(line) for line in lines[:40] if line.strip())
-    separator = {'Comma': ',', 'Tab': '\t'}.get(general.get('Separator', 'Tab'), '\t')
-    decimal = general.get('Decimal_Separator', '.').strip() or '.'
+    head = '\n'.join(lines[:40])
+    separator = ',' if re.search(r'^Separator\s*[\t,]\s*Comma\b', head, re.M) else '\t'
+    decimal = ',' if re.search(r'^Decimal_Separator *\t\s*,', head, re.M) else '.'
     frames, rows, units = [], [], {'X_Value': 's'}
     for block in _blocks(lines, separator, decimal):
         frame = pandas.read_csv(io.StringIO('\n'.join(block.lines)), sep=separator,
@@ -117,17 +118,9 @@ def _blocks(lines: list[str], separator: str, decimal: str) -> Iterator[_Block]:
             rows.append(line)
 
 
-def _header_line(line: str) -> tuple[str, str]:
-    for separator in ('\t', ','):
-        key, found, value = line.partition(separator)
-        if found:
-            return key.strip(), value.strip(separator + ' ')
-    return line.strip(), ''
-
-
 def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
     """Return the columns of a block, and the times of each, s since its first channel began."""
-    channels = [name for name in block.columns if not str(name).startswith('X_Value')]
+    channels = [channel for channel in block.columns if not channel.startswith('X_Value')]
     starts = np.zeros(len(channels))
     stamps = [' '.join(stamp) for stamp in zip(*(_of_each(header, key, channels)
                                                  for key in ('Date', 'Time')))]
@@ -135,9 +128,9 @@ def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
         starts = seconds(name, 'Date and Time', np.array(stamps, object), starts)
     clock: np.ndarray | None = None
     clocks: dict[str, np.ndarray] = {}
-    for name in block.columns:
-        if name not in channels:
-            clock = block[name].to_numpy(float)
+    for column in block.columns:
+        if column not in channels:
+            clock = block[column].to_numpy(float)
             continue
         at = len(clocks)
         if clock is None or np.isnan(clock).all():
@@ -146,7 +139,7 @@ def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
             own = begin + step * np.arange(len(block))
         else:
             own = clock
-        clocks[f'X_Value of {name}'] = own + starts[at]
+        clocks[f'X_Value of {column}'] = own + starts[at]
     return block[channels].assign(**clocks)
 
 

@@ -20,7 +20,9 @@ from fam_bundle_ros.data.cells import labels as trial_labels
 from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
 from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.formats.unit_columns import in_one_unit, NAMES
+from fam_bundle_ros.data.grouping import earlier
 from fam_bundle_ros.data.measurement import counted
+from fam_bundle_ros.data.rates import begins
 from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import InputError
 
@@ -215,14 +217,10 @@ def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,
             ) -> tuple[np.ndarray, np.ndarray]:
     """Return the new row of each reading, and the first reading of each new row."""
     moments = np.unique(times, return_inverse=True)[1].ravel() + runs * len(times)
-    order = np.lexsort((labels, moments))
-    begins = np.flatnonzero(np.r_[True, (np.diff(labels[order]) != 0)
-                                  | (np.diff(moments[order]) != 0)])
     # two readings of one signal at one time take two rows
-    turn = np.empty(len(order), int)
-    turn[order] = np.arange(len(order)) - np.repeat(begins, np.diff(np.r_[begins, len(order)]))
+    turn = earlier(moments * (labels.max() + 1) + labels)
     order = np.lexsort((turn, moments))
-    new = np.r_[True, (np.diff(moments[order]) != 0) | (np.diff(turn[order]) != 0)]
+    new = begins(moments[order], turn[order])
     place = np.empty(len(order), int)
     place[order] = np.cumsum(new) - 1
     return place, order[new]

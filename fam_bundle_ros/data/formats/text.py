@@ -33,6 +33,7 @@ from fam_bundle_ros.extras import library
 _LONGEST, _SNIFFED = 1 << 16, 400
 #: Between the digits of 1'234 and 1\u202f234.
 _GROUPS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f](?=\\d{3}(?!\\d))")
+#: 1 234,5.
 _SPACED = re.compile(r'[-+]?\d{1,3}( \d{3})+([.,]\d*)?')
 #: A quote that begins a cell and does not end on its line, and the most lines of such a header.
 _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
@@ -123,25 +124,24 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     """Return a column as floats, or text where it holds words, and its unit."""
     if all(part.dtype.kind in 'biuf' for part in parts):
         return np.concatenate([part.to_numpy(float) for part in parts]), unit
-    text = np.concatenate([part.to_numpy(object) for part in parts])
-    first = with_unit(next((cell for cell in text if isinstance(cell, str)), ''), decimal)
-    if first and all(cell.rstrip().endswith(first[1]) for cell in text if isinstance(cell, str)):
+    cells = np.concatenate([part.to_numpy(object) for part in parts])
+    words = [at for at, cell in enumerate(cells) if isinstance(cell, str)]
+    texts = [cells[at] for at in words]
+    first = with_unit(texts[0], decimal) if texts else None
+    if first and all(text.rstrip().endswith(first[1]) for text in texts):
         unit = first[1]  # each cell carries it: '12.5 mm'
-        text = np.array([cell.rstrip()[:-len(unit)].strip() if isinstance(cell, str) else cell
-                         for cell in text], object)
-    spaced = [isinstance(cell, str) and _SPACED.fullmatch(cell) is not None for cell in text]
-    text = np.array([cell.replace(' ', '') if fits else cell for cell, fits in zip(text, spaced)],
-                    object)  # 1 234,5
-    signed = [cell for cell in text if isinstance(cell, str)  # not a date, '12.03.2024'
-              and (is_number(cell, '.') or is_number(cell, ','))]
-    fits = {sign: all(is_number(cell, sign) for cell in signed) for sign in '.,'}
+        texts = [text.rstrip().removesuffix(unit).strip() for text in texts]
+    texts = [text.replace(' ', '') if _SPACED.fullmatch(text) else text for text in texts]
+    # not a date, '12.03.2024'
+    signed = [text for text in texts if is_number(text, '.') or is_number(text, ',')]
+    fits = {sign: all(is_number(text, sign) for text in signed) for sign in '.,'}
     # a column may have another decimal sign than the file: 12,5 beside 1.5
     if fits[','] and not (decimal == '.' and fits['.']):
-        text = np.array([cell.replace('.', '').replace(',', '.') if isinstance(cell, str)
-                         and is_number(cell, ',') else cell for cell in text], object)
-    if not (found := numbers(text))[1].any():
-        return found[0], unit
-    return text, unit
+        texts = [text.replace('.', '').replace(',', '.') if is_number(text, ',') else text
+                 for text in texts]
+    cells[words] = texts
+    values, others = numbers(cells)
+    return cells if others.any() else values, unit
 
 
 def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
@@ -202,12 +202,9 @@ class _Rows(io.TextIOBase):
         #: Line number and text of comments between them.
         self.remarks: list[tuple[int, str]] = []
 
-    def readable(self) -> bool:
-        return True
-
-    def read(self, size: int | None = -1) -> str:
+    def read(self, size: int | None = None) -> str:
         """Return the next rows, at least one while there are any."""
-        wanted = 1 << 30 if size is None or size < 0 else size
+        wanted = 1 << 30 if size is None else size
         parts, length = [], 0
         for line in self._lines:
             self._at += 1
