@@ -58,10 +58,10 @@ def ranges(max_pressure: float | None = None, max_strain: float | None = None,
     strain = max(1.05 * (max_strain or 0.0), MAX_STRAIN)
     return {
         'pressure': Range(-60e3, pressure, 'Pa', 'gauge pressure between 0 and '
-                          f'{max(1.0, (max_pressure or 0.0) / 1e6):.3g} MPa', 'max_pressure'),
+                          f'{max(1.0, (max_pressure or 0.0) / 1e6):.3g} MPa', '--max-pressure'),
         'strain': Range(-0.2, strain, '', 'a strain between 0 and '
                         f'{max(0.5, max_strain or 0.0):.3g}, positive when shorter',
-                        'max_strain'),
+                        '--max-strain'),
         'force': Range(-20e3, 20e3, 'N', 'a force within 20 kN, tension positive', '')}
 
 
@@ -95,7 +95,7 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
         if not guess and quantity == 'strain' and np.median(values) < 0:
             guess = ' (is the sign turned round?)'
         elif high < values[at] < _HIGHEST.get(quantity, high):
-            guess += f', or --{option.replace("_", "-")} for a muscle that goes further'
+            guess += f', or {option} for a muscle that goes further'
         raise InputError(f'{name}, row {rows[at]}: {label} is {values[at] / factor:.6g} {shown}'
                          f'; expected {words}{guess}'.replace(' ;', ';'))
 

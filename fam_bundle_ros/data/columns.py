@@ -33,7 +33,7 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.strains import refuse_longer, RestLength, stated_rest_length, strain_of
+from fam_bundle_ros.data.strains import RestLength, stated_rest_length, strain_of
 from fam_bundle_ros.data.told_columns import Choice, with_sums
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
@@ -91,9 +91,8 @@ class _Reader:
                 given[key] = unit.text, unit.factor
         pressure = np.stack([values[key] - self._ambient(key, values) for key in pressures], -1)
         strain, notes = strain_of(table, strain_key, chosen[strain_key], values, pressure,
-                                  self._rest_length, table.rows[rows])
-        if strain_key not in recipe.columns:
-            refuse_longer(table, chosen[strain_key], strain, self._rest_length)
+                                  self._rest_length, table.rows[rows],
+                                  told=strain_key in recipe.columns)
         trial = chosen.get('trial')
         measured = build(
             table.name, strain, pressure, values['force'],
@@ -103,12 +102,10 @@ class _Reader:
             max_strain=recipe.max_strain, max_pressure=recipe.max_pressure,
             units={key: unit for key, unit in given.items()
                    if key in ('force', 'strain', *pressures)})
-        lengths = chosen[strain_key].unit
-        refers = lengths is not None and lengths.like == 'm'
         return replace(
             measured, taken=self.choices.taken(),
             notes=(*measured.notes, *self._supplies(measured.pressure)),
-            rest_length=self._rest_length.used if refers else None,
+            rest_length=self._rest_length.used if chosen[strain_key].in_lengths else None,
             first_dropped={reason: (row, self._text(reason.partition(' in ')[2], row))
                            for reason, (row, _) in measured.first_dropped.items()})
 

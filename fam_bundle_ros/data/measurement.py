@@ -65,6 +65,11 @@ class Taken(NamedTuple):
     sign: int = 1
     why: str = ''
 
+    @property
+    def turned(self) -> bool:
+        """Whether the sign was turned round; that of an elongation always is for a strain."""
+        return (self.sign < 0) != (self.quantity == 'elongation')
+
 
 @dataclass(frozen=True, repr=False)
 class Measurement(Told):

@@ -196,8 +196,7 @@ def taken_words(measurement: Measurement) -> str:
             unused.append(f"'{taken.header}' ({taken.why})")
             continue
         said = f' ({taken.why})' if taken.why else ''
-        turned = ', sign turned round' if (taken.sign < 0) != (taken.quantity == 'elongation'
-                                                               ) else ''
+        turned = ', sign turned round' if taken.turned else ''
         used.append(f"{taken.quantity} '{taken.header}'{said}{turned}")
         first = taken.header.partition('[')[0].strip()
         plain &= not said and first.casefold() == taken.quantity.casefold()

@@ -154,8 +154,7 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
             continue
         own = recognise(taken.header).unit
         unit = f' [{taken.unit}]' if taken.unit and own is None else ''
-        turned = taken.sign < 0 if taken.quantity != 'elongation' else taken.sign > 0
-        columns[taken.quantity] = ('-' if turned else '') + taken.header + unit
+        columns[taken.quantity] = ('-' if taken.turned else '') + taken.header + unit
     return replace(recipe, columns=columns)
 
 

@@ -98,7 +98,7 @@ def stated_rest_length(table: Table) -> tuple[float | None, str]:
     return _sum_of_lengths(table), ''
 
 
-def without_unit(table: Table) -> list[str]:
+def _without_unit(table: Table) -> list[str]:
     """Return notes on lines that state a rest length without its unit."""
     return [f"in the file stands '{line.strip()[:60]}', without a unit: not used (--rest-length)"
             for line in dict.fromkeys(table.lines) if names_rest_length(line)]
@@ -142,7 +142,7 @@ def _last_digit(values: np.ndarray) -> float:
 
 
 def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarray],
-              pressure: np.ndarray, rest: RestLength, rows: np.ndarray,
+              pressure: np.ndarray, rest: RestLength, rows: np.ndarray, told: bool,
               ) -> tuple[np.ndarray, list[str]]:
     """
     Return the strain, (T,), and notes on it.
@@ -159,19 +159,21 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
     pressure : ndarray, shape (T, n), Pa
     rest : RestLength
     rows : ndarray of int, shape (T,)
+    told : bool
+        Whether the user tells the column, and with it what is positive and where zero is.
 
     Raises
     ------
     InputError
-        For a length without a rest length, and one that does not fit it.
+        For a length without a rest length, one that does not fit it, and a strain that is not
+        told and never is positive.
     """
     given, shown = values[key], choice.header or key
-    in_lengths = choice.unit is not None and choice.unit.like == 'm'
     notes: list[str] = []
     ratio = given
-    if in_lengths:
+    if choice.in_lengths:
         if rest.told is None and rest.stated is None:
-            notes += without_unit(table)
+            notes += _without_unit(table)
         if rest.used is None:
             longest = (f'; the longest here is {1e3 * np.nanmax(given):.4g} mm'
                        if key == 'length' else '')
@@ -180,31 +182,27 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
                 f'make one (--rest-length, rest_length, or a model){longest}')
         notes += filter(None, [rest.note])
         ratio = given / rest.used
-    if key == 'shift' and in_lengths and abs(np.nanmax(ratio, initial=0.0) - 1.0) < _AT_REST:
+    if key == 'shift' and choice.in_lengths and (
+            abs(np.nanmax(ratio, initial=0.0) - 1.0) < _AT_REST):
         key, choice.why = 'length', 'a length: its largest is the rest length'
     if key == 'length':
-        choice.is_length = True
         return 1.0 - ratio, notes + _length_notes(table.name, choice, ratio, rest, rows)
     if key == 'shift':
         notes += _set_sign(choice, ratio, pressure, values['force'])
         ratio = ratio * choice.sign
-    return ratio, notes + _range_notes(shown, ratio, in_lengths, key == 'shift') + (
-        _percent_notes(shown, choice, given))
+    if not told:
+        _refuse_longer(table, choice, ratio, rest)
+    return ratio, [*notes, *_range_notes(shown, ratio, choice.in_lengths, key == 'shift'),
+                   *_percent_notes(shown, choice, given)]
 
 
-def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLength) -> None:
-    """
-    Raise InputError where the muscle is stretched, by more than 5 %, and never shorter.
-
-    Lengths have no sign that may be wrong: `strain_of` gives a note on them.
-    """
+def _refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLength) -> None:
+    """Raise InputError where the muscle is stretched, by more than 5 %, and never shorter."""
     known = strain[np.isfinite(strain)]
-    if choice.is_length or not len(known) or known.min() > -_STRETCHED or known.max() > _SHORTER:
+    if not len(known) or known.min() > -_STRETCHED or known.max() > _SHORTER:
         return
     names = ['contraction', 'elongation'][::choice.sign]
-    size = f'{-known.min():.4g}'
-    if rest.used and choice.unit is not None and choice.unit.like == 'm':
-        size = f'{-1e3 * rest.used * known.min():.4g} mm'
+    size = _size(-known.min(), choice, rest)
     header = choice.header or ''
     column = header if table.unit_text(header) or choice.unit is None else (
         f'{header} [{choice.unit.text}]')
@@ -229,13 +227,18 @@ def _length_notes(name: str, choice: Choice, share: np.ndarray, rest: RestLength
     if longest < 0.9:
         return [f'never longer than {longest:.2f} of the rest length']
     if longest > 1.0 + _STRETCHED:
-        off = f'{longest - 1.0:.4g}'
-        if rest.used and choice.unit is not None and choice.unit.like == 'm':
-            off = f'{1e3 * rest.used * (longest - 1.0):.4g} mm'
+        off = _size(longest - 1.0, choice, rest)
         return [f"by '{choice.header}' the muscle is stretched, up to {longest:.2f} of the rest "
                 'length: expected the length without fittings; --columns '
                 f'"length={choice.header} - {off}" takes them off']
     return []
+
+
+def _size(share: float, choice: Choice, rest: RestLength) -> str:
+    """Return a share of the rest length as it is told, in mm where the column has lengths."""
+    if rest.used and choice.in_lengths:
+        return f'{1e3 * rest.used * share:.4g} mm'
+    return f'{share:.4g}'
 
 
 def _range_notes(shown: str, ratio: np.ndarray, in_lengths: bool, is_shift: bool) -> list[str]:

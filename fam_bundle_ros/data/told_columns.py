@@ -48,8 +48,6 @@ class Choice:
         What header and unit say of a pressure.
     why : str
         Where it comes from, in words.
-    is_length : bool
-        Its readings are lengths, not changes of one: known once the strain is.
     """
 
     header: str | None
@@ -59,7 +57,11 @@ class Choice:
     value: float = 0.0
     absolute: bool | None = None
     why: str = ''
-    is_length: bool = False
+
+    @property
+    def in_lengths(self) -> bool:
+        """Whether readings are in m, and no ratios."""
+        return self.unit is not None and self.unit.like == 'm'
 
 
 def with_sums(table: Table, told: Mapping[str, str]) -> Table:
