@@ -161,8 +161,8 @@ def _chosen(values: np.ndarray, differences: float | None, repeats: float | None
     """Return the noise floor by the most reliable estimate."""
     note = ''
     if differences is None and repeats is None:
-        wide = ROBUST * float(np.median(np.abs(values - np.median(values))))
-        return NoiseFloor(max(wide, 1e-9), None, None, None, 1.0, 'spread of the residual',
+        return NoiseFloor(max(spread(values), 1e-9), None, None, None, 1.0,
+                          'spread of the residual',
                           'too few neighbours or repeats to tell noise from error')
     if repeats is None:
         return NoiseFloor(float(differences or 0.0), differences, None, None, 1.0,

@@ -174,6 +174,11 @@ def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
     return spread(third, quantum) / np.sqrt(20.0)
 
 
+def _noise(value: np.ndarray, trial: np.ndarray) -> float:
+    """Return the noise of a signal, with the q / sqrt(12) of a reading in steps of q."""
+    return max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
+
+
 def _beyond_rounding(difference: np.ndarray, value: np.ndarray) -> np.ndarray:
     """Return which differences of a signal are not those of its last digits, bool."""
     return np.abs(difference) > 1e-9 * max(float(np.ptp(value)), 1e-12)
@@ -206,7 +211,7 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     Noise in strain and pressure would otherwise pass through the model and make lags, which
     smooth, or a hysteresis, which holds, look like a gain.
     """
-    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
+    noise = _noise(value, trial)
     if noise <= 0.0:
         return value
     best, spread = value.copy(), np.full(len(value), noise)
@@ -246,8 +251,7 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     trial : ndarray of int, shape (T,)
         Rows of one trial are neighbours; no window reaches across trials or long pauses.
     """
-    # a signal read in steps q has rounding noise of q / sqrt(12), which differences do not see
-    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
+    noise = _noise(value, trial)
     parts, step = _parts(time, trial), usual_step(time, trial)
     best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
     for window in _WINDOWS:

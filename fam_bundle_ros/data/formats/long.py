@@ -208,7 +208,7 @@ def _with_resets(name: str, rows: np.ndarray, names: Sequence[str], labels: np.n
     count = resets.max() + 1
     codes, runs = np.unique(runs * count + resets, return_inverse=True)
     of_run = codes // count
-    number = np.arange(len(codes)) - np.searchsorted(of_run, of_run) + 1
+    number = earlier(of_run) + 1
     return runs.ravel(), [f'{run_names[run]} {k}' if len(run_names) > 1 else str(k)
                           for run, k in zip(of_run.tolist(), number.tolist())]
 
