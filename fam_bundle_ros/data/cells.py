@@ -132,6 +132,11 @@ def blank(cell: Any) -> bool:
     return cell is None or cell != cell or (isinstance(cell, str) and is_blank(cell))
 
 
+def cell_text(cell: Any) -> str:
+    """Return the text of a cell, '' for a blank one."""
+    return '' if blank(cell) else str(cell).strip()
+
+
 def numbers(column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Return a column as floats, nan for blanks, and where it holds words, (T,) each.
@@ -194,10 +199,10 @@ def no_reading(values: np.ndarray) -> float | None:
 
 def looks_like_time(column: np.ndarray) -> bool:
     """Return whether a column's first filled cell is a date or a time of day."""
-    if column.dtype.kind in 'mM':
-        return True
-    first = next((str(cell).strip() for cell in column if not blank(cell)), '')
-    return is_text(column) and bool(CLOCK.fullmatch(first) or begins_with_date(first))
+    if not is_text(column):
+        return column.dtype.kind in 'mM'
+    first = next(filter(None, map(cell_text, column)), '')
+    return CLOCK.fullmatch(first) is not None or begins_with_date(first)
 
 
 def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -224,7 +229,7 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
         known = column[~np.isnat(column)]
         origin = known[0] if len(known) else np.datetime64(0, 's')
         return (column - origin) / np.timedelta64(1, 's')
-    text = ['' if blank(cell) else str(cell).strip() for cell in column]
+    text = list(map(cell_text, column))
     filled = [i for i, cell in enumerate(text) if cell]
     values = np.full(len(text), np.nan)
     matches = [CLOCK.fullmatch(text[i]) for i in filled]

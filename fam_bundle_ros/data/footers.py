@@ -11,6 +11,7 @@ import numpy as np
 from fam_bundle_ros.data.cells import (
     begins_with_date,
     blank,
+    cell_text,
     CLOCK,
     is_number,
     is_statistic,
@@ -114,8 +115,7 @@ def footer(table: Table, words: np.ndarray, clock: str | None) -> tuple[np.ndarr
 
 def _cells(table: Table, at: int) -> list[str]:
     """Return the cells of a row as text, '' for blanks."""
-    return ['' if blank(column[at]) else str(column[at]).strip()
-            for column in table.columns.values()]
+    return [cell_text(column[at]) for column in table.columns.values()]
 
 
 def _other_words(table: Table, at: int) -> list[str]:

@@ -437,4 +437,4 @@ def test_trials_of_one_row_do_not_move():
 
 def test_measurements_and_protocols_cannot_be_changed(not_frozen):
     """Only what reads a file changes while it does."""
-    assert not_frozen(data_package) == {'Choice', 'Choices', '_Reader'}
+    assert not_frozen(data_package) == {'Choice', 'Choices'}

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers, seconds
+from fam_bundle_ros.data.cells import cell_text, is_text, looks_like_time, numbers, seconds
 from fam_bundle_ros.data.cells import labels as trial_labels
 from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
 from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
@@ -55,11 +55,12 @@ def wide(table: Table) -> Table:
         return table
     signal, value, others = found
     # rows that repeat the header are not readings
-    named = np.array([not blank(cell) for cell in table.columns[signal]])
-    rows = named & [str(cell).strip() != signal for cell in table.columns[signal]]
+    signals = np.array(list(map(cell_text, table.columns[signal])), object)
+    named = signals != ''
+    rows = named & (signals != signal)
     bad, qualities = _of_bad_quality(table, others, rows)
     rows &= ~bad
-    labels, names = _counted(table.columns[signal][rows])
+    labels, names = _counted(signals[rows])
     at, cells = table.rows[rows], table.columns[value][rows]
     clock = _clock(table, others, rows)
     trial = next((header for header in others if recognise(header).quantity == 'trial'), '')
@@ -79,7 +80,7 @@ def wide(table: Table) -> Table:
         mine = labels == k
         values = cells[mine]
         texts = table.columns[unit_column][rows][mine] if unit_column is not None else values[:0]
-        if any(not blank(text) and is_unit(str(text)) for text in set(texts)):
+        if any(map(is_unit, filter(None, map(cell_text, set(texts))))):
             values, units[header] = in_one_unit(table.name, header, values, texts, at[mine])
         columns[header] = _spread(values, place[mine], len(first))
     unread = ', '.join(repr(header) for header in others if not is_unnamed(header)
@@ -105,7 +106,7 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
     for header, column in table.columns.items():
         if not is_text(column) or looks_like_time(column):
             continue
-        names = {str(cell).strip() for cell in column if not blank(cell)} - {header}
+        names = set(filter(None, map(cell_text, column))) - {header}
         if 1 < len(names) <= _MOST:
             meant = {recognise(name).quantity for name in names}
             sure = 'force' in meant and bool(meant & {'pressure', *STRAINS})

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import blank, is_text, numbers
+from fam_bundle_ros.data.cells import cell_text, is_text, numbers
 from fam_bundle_ros.data.column_names import absolute_of, recognise, words_of
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of
@@ -82,7 +82,7 @@ def titles_of(table: Table) -> list[Title]:
     texts = [column for column in table.columns.values() if is_text(column)]
     if texts:
         for at in np.flatnonzero(_readings(table)[1]).tolist():
-            cells = [str(column[at]).strip() for column in texts if not blank(column[at])]
+            cells = filter(None, (cell_text(column[at]) for column in texts))
             lines.append((int(table.rows[at]), ' '.join(cells)))
     found = [title for row, line in sorted(lines) if (title := _title(row, line))]
     kinds = Counter(title.kind for title in found).most_common(1)
@@ -122,8 +122,8 @@ def _without(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def _all_blank(table: Table, begin: int, end: int) -> bool:
     """Return whether some rows hold no words."""
-    return all(blank(cell) for column in table.columns.values() if is_text(column)
-               for cell in column[begin:end])
+    return not any(cell_text(cell) for column in table.columns.values() if is_text(column)
+                   for cell in column[begin:end])
 
 
 def _readings(table: Table) -> tuple[np.ndarray, np.ndarray]:
