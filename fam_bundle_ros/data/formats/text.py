@@ -24,7 +24,7 @@ from fam_bundle_ros.data.cells import BLANKS, is_number, numbers, with_unit
 from fam_bundle_ros.data.formats.dialect import BLANK, Dialect, is_comment, sniff, split
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
-from fam_bundle_ros.data.formats.table import check_size, Table, unique
+from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.measurement import counted, MAX_ROWS
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
@@ -52,9 +52,8 @@ def read_text(path: Path, drop_bad: bool = False) -> Table:
     Raises
     ------
     InputError
-        For an empty, binary or oversized file, and one without rows of numbers.
+        For a binary file, and one without rows of numbers.
     """
-    check_size(path)
     encoding = encoding_of(path)
     try:
         return _read(path, encoding, drop_bad)
