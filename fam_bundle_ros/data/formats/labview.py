@@ -73,26 +73,12 @@ def read_lvm(path: Path) -> Table:
 
 
 class _Block(NamedTuple):
-    """
-    Rows of numbers below one header.
-
-    Attributes
-    ----------
-    header : dict of str to list of str
-        Values of each key, one for each channel.
-    names : list of str
-        Of the columns.
-    trial : int
-        How many rows of names stand between the first one and this block.
-    first : int
-        Number of the first line in the file.
-    lines : list of str
-    """
+    """Rows of numbers below one header, which holds a value for each channel by key."""
 
     header: dict[str, list[str]]
-    names: list[str]
-    trial: int
-    first: int
+    names: list[str]  # of the columns
+    trial: int  # how many rows of names stand between the first one and this block
+    first: int  # number of the first line in the file
     lines: list[str]
 
 
