@@ -33,7 +33,7 @@ _GAP = 0.5
 _ARRAY = 16
 
 
-def read_bag(path: Path, recipe: Recipe | None = None, name: str | None = None,
+def read_bag(path: Path, recipe: Recipe = Recipe(), name: str | None = None,
              ) -> Measurement | None:
     """
     Return the measurement that a bag of a bundle's topics holds, None where one is missing.
@@ -60,7 +60,7 @@ def read_bag(path: Path, recipe: Recipe | None = None, name: str | None = None,
         series, note = _collect(label, reader, topics) if topics else ({}, '')
     if not series or not series['force'][:, 1].any():  # the force is along another axis
         return None
-    return _resample(label, series, recipe or Recipe(), note)
+    return _resample(label, series, recipe, note)
 
 
 @contextmanager
@@ -81,14 +81,14 @@ def _opened(path: Path, label: str) -> Iterator[Any]:
                          ) from error
 
 
-def bag_table(path: Path, name: str | None = None) -> Table:
+def bag_table(path: Path) -> Table:
     """
     Return the numbers of all topics of a bag, a column each, at the times of all messages.
 
     Columns are called as PlotJuggler does, '/cell/wrench/force/z', '/joints/strain/position'; a
     number that is all of a message as its topic.
     """
-    label = name or path.name
+    label = path.name
     stamps: dict[str, list[int]] = {}
     readings: dict[str, list[float]] = {}
     with _opened(path, label) as reader:
@@ -179,11 +179,11 @@ def _topics(label: str, connections: Any) -> dict[str, str]:
                        key=lambda key: int(re.sub(r'\D', '', key)))
     if not {'force', 'strain'} <= found.keys() or not pressures:
         return {}
-    for key in ['force', 'strain', *pressures]:
-        if len(found[key]) > 1:
-            raise InputError(f"{label}: topics {' and '.join(sorted(found[key])[:2])}; expected "
+    for topics in found.values():
+        if len(topics) > 1:
+            raise InputError(f"{label}: topics {' and '.join(sorted(topics)[:2])}; expected "
                              'the topics of one bundle')
-    return {found[key][0]: key for key in ['force', 'strain'] + pressures}
+    return {found[key][0]: key for key in ('force', 'strain', *pressures)}
 
 
 def _collect(label: str, reader: Any, topics: dict[str, str],
@@ -219,7 +219,7 @@ def _collect(label: str, reader: Any, topics: dict[str, str],
     return series, note
 
 
-def _resample(label: str, series: dict[str, np.ndarray], recipe: Recipe, note: str = '',
+def _resample(label: str, series: dict[str, np.ndarray], recipe: Recipe, note: str,
               ) -> Measurement:
     """Return the measurement of all topics at the times of the force."""
     begin = max(table[0, 0] for table in series.values())

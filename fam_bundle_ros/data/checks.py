@@ -1,7 +1,7 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks of measured arrays: ranges that catch a wrong unit or sign, trials, time stamps.
+Checks of measured arrays: ranges that catch a wrong unit or sign, and what does not change.
 
 A reading outside its range usually has a wrong unit in the header; the message names the unit
 that was probably meant.
@@ -9,23 +9,19 @@ that was probably meant.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.rates import begins, PAUSE_STEPS, usual_step
+from fam_bundle_ros.data.column_names import unit_for
 from fam_bundle_ros.errors import InputError
 
 #: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
 MAX_PRESSURE = 1.2e6
 MAX_STRAIN = 0.6
-#: Rows closer in time than this share of the usual step came in one packet.
-_PACKET = 0.1
-#: s: a longer step is a pause of the log, if the usual step is far shorter.
-_PAUSE = 5.0
-#: Times that go back by at most so many usual steps: the rows were written out of order.
-_SWAPPED = 3.0
+#: Smaller ranges are one strain, and one pressure (share of the largest).
+_ONE_STRAIN, _ONE_PRESSURE = 1e-4, 0.01
 #: A smaller share of the rows does not decide on a unit; as in `missing_units.guess_unit`.
 _FEW = 0.01
 #: Variance inflation beyond which a column follows another one (the usual rule is 5 to 10).
@@ -46,34 +42,26 @@ class Range(NamedTuple):
 _HIGHEST = {'pressure': 1e8, 'strain': 1.0}
 #: A unit is suggested only if the largest reading in it is at least this.
 _SMALLEST = {'pressure': 20e3, 'strain': 0.02, 'force': 5.0}
-#: Units that the header probably should have said, and their factors to SI.
-_GUESSES = {
-    'pressure': (('kPa', 1e3), ('Pa', 1.0), ('MPa', 1e6), ('bar', 1e5), ('psi', 6894.757)),
-    'strain': (('%', 0.01), ('1', 1.0)),
-    'force': (('N', 1.0), ('lbf', 4.448222), ('mN', 1e-3), ('kN', 1e3)),
-}
+#: Units that the header probably should have said.
+_GUESSES = {'pressure': ('kPa', 'Pa', 'MPa', 'bar', 'psi'), 'strain': ('%', '1'),
+            'force': ('N', 'lbf', 'mN', 'kN')}
 
 
 def ranges(max_pressure: float | None = None, max_strain: float | None = None,
            ) -> dict[str, Range]:
     """
-    Return the range of each quantity.
+    Return the range of each quantity, by the highest gauge pressure (Pa) and strain of a muscle.
 
-    Parameters
-    ----------
-    max_pressure : float, Pa, optional
-        Highest gauge pressure of the muscle, for hydraulic ones; at least `MAX_PRESSURE`.
-    max_strain : float, optional
-        Highest strain of the muscle, for those that shorten by more than 0.5.
+    At least `MAX_PRESSURE` and `MAX_STRAIN` are allowed.
     """
     pressure = max(1.2 * (max_pressure or 0.0), MAX_PRESSURE)
     strain = max(1.05 * (max_strain or 0.0), MAX_STRAIN)
     return {
         'pressure': Range(-60e3, pressure, 'Pa', 'gauge pressure between 0 and '
-                          f'{max(1.0, (max_pressure or 0.0) / 1e6):.3g} MPa', 'max_pressure'),
+                          f'{max(1.0, (max_pressure or 0.0) / 1e6):.3g} MPa', '--max-pressure'),
         'strain': Range(-0.2, strain, '', 'a strain between 0 and '
                         f'{max(0.5, max_strain or 0.0):.3g}, positive when shorter',
-                        'max_strain'),
+                        '--max-strain'),
         'force': Range(-20e3, 20e3, 'N', 'a force within 20 kN, tension positive', '')}
 
 
@@ -107,7 +95,7 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
         if not guess and quantity == 'strain' and np.median(values) < 0:
             guess = ' (is the sign turned round?)'
         elif high < values[at] < _HIGHEST.get(quantity, high):
-            guess += f', or --{option.replace("_", "-")} for a muscle that goes further'
+            guess += f', or {option} for a muscle that goes further'
         raise InputError(f'{name}, row {rows[at]}: {label} is {values[at] / factor:.6g} {shown}'
                          f'; expected {words}{guess}'.replace(' ;', ';'))
 
@@ -139,12 +127,45 @@ def check_pressure_units(name: str, columns: Mapping[str, np.ndarray],
 
 
 def _guess(quantity: str, given: np.ndarray, unit: str, low: float, high: float) -> str:
-    for other, scale in _GUESSES[quantity]:
-        tried = given * scale
-        if other != unit and tried.min() >= low and tried.max() <= high and (
+    for other in filter(None, (unit_for(quantity, text) for text in _GUESSES[quantity])):
+        tried = given * other.factor
+        if other.text != unit and tried.min() >= low and tried.max() <= high and (
                 np.abs(tried).max() > _SMALLEST[quantity]):
-            return f' (did you mean {other}?)'
+            return f' (did you mean {other.text}?)'
     return ''
+
+
+def what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:
+    """
+    Return notes on a strain or pressures that are constant.
+
+    Parameters
+    ----------
+    name : str
+        File, for the message.
+    strain : ndarray, shape (T,)
+    pressure : ndarray, shape (T, n), Pa
+
+    Raises
+    ------
+    InputError
+        Where neither strain nor pressure changes.
+    """
+    isometric = np.ptp(strain) < _ONE_STRAIN
+    held = np.ptp(pressure, axis=0) < max(1e3, _ONE_PRESSURE * np.abs(pressure).max())
+    isobaric = held.all()
+    if isometric and isobaric:
+        raise InputError(
+            f'{name}: neither strain ({strain.mean():.4f}) nor pressure '
+            f'({pressure.mean() / 1e3:.1f} kPa) changes; expected at least one of them to')
+    if isometric:
+        return [f'one strain only ({strain.mean():.4f}): effects of strain cannot be told apart']
+    if isobaric:
+        return [f'one pressure only ({pressure.mean() / 1e3:.1f} kPa): effects of pressure cannot '
+                'be told apart']
+    return [f'pressure {unit + 1} of {len(held)} is {pressure[:, unit].mean() / 1e3:.4g} kPa '
+            'throughout: the effect of this pressure cannot be determined'
+            for unit in np.flatnonzero(held)]
 
 
 def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> list[str]:
@@ -206,120 +227,3 @@ def partial_correlations(strain: np.ndarray, pressure: np.ndarray, force: np.nda
     if ep ** 2 > 1.0 - 1.0 / _INFLATION:
         return Correlations(0.0, pf, ep)
     return Correlations(partial(ef, ep, pf), partial(pf, ep, ef), 0.0)
-
-
-class Trials(NamedTuple):
-    """Trial of each row, names of the trials, and the row order in which trials are contiguous."""
-
-    of_row: np.ndarray
-    names: tuple[str, ...]
-    order: np.ndarray | None
-
-
-def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndarray | None,
-              rows: np.ndarray) -> Trials:
-    """
-    Return the trials; without a column for them a clock that restarts begins a new one.
-
-    Raises
-    ------
-    InputError
-        Where the time runs backwards within a trial.
-    """
-    if trial is None:
-        if time is None:
-            return Trials(np.zeros(len(rows), int), ('0',), None)
-        back, few = np.diff(time) < 0, max(1, len(rows) // 50)
-        # a clock that goes back a few times: several trials; many times: rows out of order
-        if back.sum() > few:
-            raise _disorder(name, time, np.zeros(len(rows), int), ('0',), rows)
-        usual = usual_step(time, np.zeros(len(rows), int))
-        if back.any() and np.diff(time).min() > -_SWAPPED * usual:
-            return Trials(np.zeros(len(rows), int), ('0',), np.argsort(time, kind='stable'))
-        paused = pauses(time)
-        index = np.concatenate([[0], np.cumsum(back | paused if paused.sum() <= few else back)])
-        return Trials(index, tuple(str(i) for i in range(index[-1] + 1)), None)
-    labels = [str(value) for value in np.asarray(trial)]
-    names: dict[str, int] = {}
-    index = np.array([names.setdefault(label, len(names)) for label in labels])
-    order = None
-    if (np.diff(index) < 0).any():
-        order = np.argsort(index, kind='stable')
-        index = index[order]
-    if time is not None:
-        ordered = time if order is None else time[order]
-        if ((np.diff(ordered) < 0) & (np.diff(index) == 0)).any():
-            raise _disorder(name, ordered, index, tuple(names),
-                            rows if order is None else rows[order])
-    return Trials(index, tuple(names), order)
-
-
-def pauses(time: np.ndarray) -> np.ndarray:
-    """Return which steps of a clock, (T - 1,) bool, are pauses of the log: 5 s at least."""
-    usual = usual_step(time, np.zeros(len(time), int)) if len(time) > 1 else 1.0
-    return np.diff(time) > max(_PAUSE, PAUSE_STEPS * usual)
-
-
-def _disorder(name: str, time: np.ndarray, index: np.ndarray, names: tuple[str, ...],
-              rows: np.ndarray) -> InputError:
-    at = int(np.argmax((np.diff(time) < 0) & (np.diff(index) == 0))) + 1
-    return InputError(f'{name}, row {rows[at]}: time goes from {time[at - 1]:.6g} s to '
-                      f'{time[at]:.6g} s within trial {names[index[at]]}; expected time to '
-                      'increase' + (', or to restart with each trial (--columns "trial=none")'
-                                    if len(names) == 1 and names != ('0',) else ''))
-
-
-def fresh_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
-    """
-    Return which rows have a time stamp of their own, (T,) bool.
-
-    Rows share one of a clock coarser than the sampling, such as ISO times in whole seconds. So do
-    rows that a computer got in packets and stamped as it wrote them: most of them follow within a
-    tenth of the usual distance.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,), s
-        Not decreasing within a trial.
-    trial : ndarray of int, shape (T,)
-    """
-    step, same = np.diff(time), np.diff(trial) == 0
-    close = same & (step < _PACKET * usual_step(time, trial))
-    packets = close.sum() > 0.5 * same.sum()
-    return np.append(True, ~close if packets else ~same | (step > 0))
-
-
-def spread_stamps(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
-    """
-    Return the time with shared stamps spread evenly up to the next stamp, (T,), s.
-
-    Which rows share one is said by `fresh_stamps`. The first group of a trial may be cut by the
-    start of the log, and the last by its end: their rows keep the usual distance.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,), s
-        Not decreasing within a trial.
-    trial : ndarray of int, shape (T,)
-
-    Examples
-    --------
-    >>> spread_stamps(np.array([0., 0., 1., 1., 1., 1., 2.]), np.zeros(7, int))
-    array([0.5 , 0.75, 1.  , 1.25, 1.5 , 1.75, 2.  ])
-    """
-    fresh = fresh_stamps(time, trial)
-    if fresh.all():
-        return time
-    begin = np.flatnonzero(fresh)
-    count = np.diff(np.append(begin, len(time)))
-    first = begins(trial[begin])
-    last = np.append(first[1:], True)
-    width = np.append(np.diff(time[begin]), 0.0)
-    usual_width = np.median(width[~last]) if (~last).any() else 0.0
-    width[last] = usual_width
-    inner = ~first & ~last
-    usual = max(float(np.median(count[inner])) if inner.any() else float(count.max()), 1.0)
-    step = width / np.where(first | last, np.maximum(count, usual), count)
-    shift = np.where(first & ~last, width - step * count, 0.0)
-    group = np.cumsum(fresh) - 1
-    return time[begin][group] + shift[group] + step[group] * (np.arange(len(time)) - begin[group])

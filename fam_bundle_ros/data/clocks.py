@@ -81,14 +81,6 @@ def run_on(clock: np.ndarray) -> tuple[np.ndarray, float]:
     return clock, 0.0
 
 
-def told_clock(table: Table, several: Sequence[str]) -> dict[str, str]:
-    """Return the first of several clocks as a user tells it; {} for none."""
-    if not several:
-        return {}
-    unit = table.unit_text(several[0])
-    return {'time': f'{several[0]} [{unit}]' if unit else several[0]}
-
-
 def of_two_zeros(table: Table) -> list[str]:
     """
     Return columns of one clock with two zeros, that of the smallest readings first; [] for none.
@@ -140,7 +132,7 @@ def other_times(table: Table, clock: str, time: np.ndarray) -> str:
         The time of all columns.
     """
     for header in may_be_clocks(table):
-        if header == clock or clock not in table.columns:
+        if header == clock:
             continue
         try:
             others, own = np.diff(_in_seconds(table, header)), np.diff(time)
@@ -154,41 +146,8 @@ def other_times(table: Table, clock: str, time: np.ndarray) -> str:
     return ''
 
 
-def own_clocks(table: Table, clock: str, several: Sequence[str], headers: Mapping[str, str],
-               ) -> dict[str, str]:
-    """
-    Return the clock of each quantity: the next on its left of several.
-
-    Where the clock is none of these, columns that are called as it are clocks too.
-
-    Parameters
-    ----------
-    table : Table
-    clock : str
-        Header of the time.
-    several : sequence of str
-        Clocks by `clocks_in`.
-    headers : dict of str to str
-        Quantity to header.
-    """
-    order, clocks = list(table.columns), list(several)
-    if clock not in clocks:
-        clocks = [header for header in order if header == clock or same_name(header, clock)
-                  and table.meaning(without_count(header)).quantity == 'time']
-    clock_of = nearest(order, clocks)
-    return {key: clock_of.get(header, clock) for key, header in headers.items()}
-
-
 def may_be_clock(table: Table, used: Collection[str | None]) -> str:
-    """
-    Return a note on what may be the clock of a table without one, '' for nothing.
-
-    Parameters
-    ----------
-    table : Table
-    used : collection of str
-        Headers that have a meaning.
-    """
+    """Return a note on an unused column that may be the clock of a table without one, or ''."""
     for header, column in table.columns.items():
         if header in used or column.dtype.kind != 'f' or len(column) < 3:
             continue
@@ -216,14 +175,9 @@ def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray
     """
     Return readings at the times of the slowest channel, and the name of this channel.
 
-    Readings beyond the times of another channel are nan. None where the channels have the same
-    times in each row.
-
-    Parameters
-    ----------
-    values, times : dict of str to ndarray, shape (T,)
-        Readings and times of each quantity, nan where there is none. Times that go back begin
-        the next trial.
+    Readings and times of each quantity are (T,), nan where there is none, in the result also
+    beyond the times of another channel. Times that go back begin the next trial. None where the
+    channels have the same times in each row.
 
     Raises
     ------
@@ -296,7 +250,8 @@ def bring_together(table: Table, clock: str, several: Sequence[str], headers: Ma
     """
     Return readings of all quantities at common times.
 
-    None where each row of the table already has them.
+    None where each row of the table already has them. The clock of a quantity is the next on its
+    left.
 
     Parameters
     ----------
@@ -304,7 +259,7 @@ def bring_together(table: Table, clock: str, several: Sequence[str], headers: Ma
     clock : str
         Header of the time.
     several : sequence of str
-        Clocks by `clocks_in`.
+        Clocks by `clocks_in`; where the time is none of them, all that are called as it.
     headers : dict of str to str
         Quantity to header, without the time.
     values : dict of str to ndarray, shape (T,)
@@ -312,7 +267,11 @@ def bring_together(table: Table, clock: str, several: Sequence[str], headers: Ma
     seconds : callable
         Returns a clock, (T,), s, by its header.
     """
-    clocks = own_clocks(table, clock, several, headers)
+    if clock not in several:
+        several = [header for header in table.columns if header == clock or same_name(
+            header, clock) and table.meaning(without_count(header)).quantity == 'time']
+    left = nearest(list(table.columns), several)
+    clocks = {key: left.get(header, clock) for key, header in headers.items()}
     times = {header: seconds(header) for header in dict.fromkeys(clocks.values())}
     with about(table.name):
         found = at_one_time({key: values[key] for key in headers},

@@ -90,10 +90,11 @@ class Choices:
         for key, there in (('strain', self.strains), ('force', 'force' in self.chosen),
                            ('pressure', self.pressures)):
             if not there:
-                unread = [note for note in self.table.notes if note.startswith('not read: ')]
-                if unread:
-                    unread = ['', *unread, 'expected all in one table, or each as a file']
-                raise InputError(missing_column(self.table, key, self.taken()) + '; '.join(unread))
+                parts = [missing_column(self.table, key, self.taken()), *(
+                    note for note in self.table.notes if note.startswith('not read: '))]
+                if len(parts) > 1:
+                    parts.append('expected all in one table, or each as a file')
+                raise InputError('; '.join(parts))
 
     def _recognised(self) -> None:
         used = {choice.header for choice in self.chosen.values()}
@@ -115,10 +116,11 @@ class Choices:
             found.setdefault(key, []).append((header, match))
         self._one_of_each(found)
         for header in list(self.refused):
+            if 'time' in self.chosen or 'time' in self.without:
+                break
             column, unnamed = self.table.columns[header], is_unnamed(header)
-            if 'time' not in self.chosen and 'time' not in self.without and looks_like_time(
-                    column) and column[0] != column[-1] and (
-                        unnamed or recognise(header).quantity == 'time'):  # Time [hh:mm:ss]
+            if looks_like_time(column) and column[0] != column[-1] and (
+                    unnamed or recognise(header).quantity == 'time'):  # Time [hh:mm:ss]
                 self.chosen['time'] = Choice(header, why='dates without a name' if unnamed else '')
                 del self.refused[header]
 
@@ -177,7 +179,7 @@ class Choices:
             values, words = numbers(column)
             if not np.isfinite(values).any():
                 return 'text' if words.any() else 'blank'
-        elif not is_text(column) and column.dtype.kind == 'f' and np.isnan(column).all():
+        elif column.dtype.kind == 'f' and np.isnan(column).all():
             return 'blank'
         return ''
 
@@ -269,8 +271,8 @@ class Choices:
             why = '' if choice.why == 'as told' else choice.why
             if choice.absolute:
                 why = f'{why}, absolute'.lstrip(', ')
-            entries.append(Taken(header, 'contraction' if key == 'shift' else key,
-                                 choice.unit.text if choice.unit else '', choice.sign, why))
+            entries.append(Taken(header, shown(key), choice.unit.text if choice.unit else '',
+                                 choice.sign, why))
         return tuple(entries)
 
 
@@ -280,8 +282,7 @@ def _same(one: np.ndarray, other: np.ndarray, unit: Unit | None, another: Unit |
             one.dtype.kind == other.dtype.kind == 'f' and unit[2:] == another[2:]):
         size = _ROUNDED * np.nanmax(np.abs(one), initial=0.0) * unit.factor
         return bool(np.allclose(one * unit.factor, other * another.factor, 0.0, size, True))
-    if unit != another:
+    if unit != another or one.dtype.kind != other.dtype.kind:
         return False
-    if one.dtype.kind == 'f' and other.dtype.kind == 'f':
-        return np.array_equal(one, other, equal_nan=True)
-    return one.dtype.kind == other.dtype.kind and one.tolist() == other.tolist()
+    return (np.array_equal(one, other, equal_nan=True) if one.dtype.kind == 'f' else
+            one.tolist() == other.tolist())

@@ -9,15 +9,21 @@ SI units, absolute pressures become gauge pressures, and lengths become strains.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 import re
 
 import numpy as np
 
 from fam_bundle_ros.data import clocks
-from fam_bundle_ros.data.cell_text import is_number
-from fam_bundle_ros.data.cells import labels, looks_like_time, no_reading, numbers, seconds
+from fam_bundle_ros.data.cells import (
+    is_number,
+    labels,
+    looks_like_time,
+    no_reading,
+    numbers,
+    seconds,
+)
 from fam_bundle_ros.data.column_choice import Choices
 from fam_bundle_ros.data.column_names import absolute_of, likes
 from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words, settings
@@ -27,8 +33,7 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.rest_length import RestLength, stated_rest_length
-from fam_bundle_ros.data.strains import refuse_longer, strain_of
+from fam_bundle_ros.data.strains import RestLength, stated_rest_length, strain_of
 from fam_bundle_ros.data.told_columns import Choice, with_sums
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
@@ -41,31 +46,40 @@ _ATMOSPHERE = 94e3, 104e3
 _VENTED = 3e3
 
 
-@dataclass
 class _Reader:
     """Reads the columns of one table as a measurement."""
 
-    table: Table
-    recipe: Recipe
-    choices: Choices
-    notes: list[str] = field(default_factory=list)
-    several: list[str] = field(default_factory=list)  # clocks of columns on their right
+    def __init__(self, table: Table, recipe: Recipe):
+        self.table, self.recipe = with_sums(table, recipe.columns), recipe
+        self.choices = Choices(self.table)
+        self.notes: list[str] = []
+        #: Clocks of the columns on their right, [] where one clock is that of all.
+        self.several = clocks_in(self.table)
+
+    def _choose(self) -> None:
+        """Choose the columns, and which of several clocks is the time."""
+        told: dict[str, str] = {}
+        zeros: list[str] = []
+        if not self.several and 'time' not in self.recipe.columns:
+            zeros = clocks.of_two_zeros(self.table)
+        for first in (self.several or zeros)[:1]:
+            unit_text = self.table.unit_text(first)
+            told['time'] = f'{first} [{unit_text}]' if unit_text else first
+        self.choices.make({**told, **self.recipe.columns})
+        self.choices.refused.update(dict.fromkeys(zeros[1:], 'the same clock with another zero'))
+        time = self.choices.chosen.get('time')
+        if self.several and 'time' in self.recipe.columns and time and not time.offset:
+            self.notes.append(f"{' and '.join(map(repr, self.several))} differ: the time is that "
+                              'which is told, for all columns')
+            self.several = []
+        self.choices.refused.update(dict.fromkeys(self.several[1:],
+                                                  'a clock of columns on its right'))
+        self.choices.complete()
 
     def measurement(self) -> Measurement:
         """Return the measurement."""
         table, recipe, chosen = self.table, self.recipe, self.choices.chosen
-        several = clocks_in(table)
-        zeros = [] if several or 'time' in recipe.columns else clocks.of_two_zeros(table)
-        self.choices.make({**clocks.told_clock(table, several or zeros), **recipe.columns})
-        self.choices.refused.update(dict.fromkeys(zeros[1:], 'the same clock with another zero'))
-        if several and 'time' in recipe.columns and 'time' in chosen and not (
-                chosen['time'].offset):
-            self.notes.append(f"{' and '.join(map(repr, several))} differ: the time is that which "
-                              'is told, for all columns')
-            several = []
-        self.several = several
-        self.choices.refused.update(dict.fromkeys(several[1:], 'a clock of columns on its right'))
-        self.choices.complete()
+        self._choose()
         strain_key, pressures = self.choices.strains[0], self.choices.pressures
         values = self._numbers()
         values, time, rows = self._together(values, self._time(values))
@@ -77,9 +91,8 @@ class _Reader:
                 given[key] = unit.text, unit.factor
         pressure = np.stack([values[key] - self._ambient(key, values) for key in pressures], -1)
         strain, notes = strain_of(table, strain_key, chosen[strain_key], values, pressure,
-                                  self._rest_length, table.rows[rows])
-        if strain_key not in recipe.columns:
-            refuse_longer(table, chosen[strain_key], strain, self._rest_length)
+                                  self._rest_length, table.rows[rows],
+                                  told=strain_key in recipe.columns)
         trial = chosen.get('trial')
         measured = build(
             table.name, strain, pressure, values['force'],
@@ -89,12 +102,10 @@ class _Reader:
             max_strain=recipe.max_strain, max_pressure=recipe.max_pressure,
             units={key: unit for key, unit in given.items()
                    if key in ('force', 'strain', *pressures)})
-        lengths = chosen[strain_key].unit
-        refers = lengths is not None and lengths.like == 'm'
         return replace(
             measured, taken=self.choices.taken(),
             notes=(*measured.notes, *self._supplies(measured.pressure)),
-            rest_length=self._rest_length.used if refers else None,
+            rest_length=self._rest_length.used if chosen[strain_key].in_lengths else None,
             first_dropped={reason: (row, self._text(reason.partition(' in ')[2], row))
                            for reason, (row, _) in measured.first_dropped.items()})
 
@@ -320,14 +331,12 @@ def read_columns(table: Table, recipe: Recipe) -> Measurement:
     """
     if not table.columns:
         raise InputError(f'{table.name}: no columns; expected strain, pressure and force')
-    table = with_sums(table, recipe.columns)
-    return _Reader(table, recipe, Choices(table)).measurement()
+    return _Reader(table, recipe).measurement()
 
 
 def described(table: Table, recipe: Recipe) -> tuple[tuple[Taken, ...], str, Measurement | None]:
     """Return what each column was taken for, the error that reading ends in, and the data."""
-    table = with_sums(table, recipe.columns)
-    reader = _Reader(table, recipe, Choices(table))
+    reader = _Reader(table, recipe)
     try:
         measured = reader.measurement()
     except InputError as error:

@@ -8,11 +8,20 @@ from itertools import takewhile
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import begins_with_date, CLOCK, is_number, is_statistic
-from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers
+from fam_bundle_ros.data.cells import (
+    begins_with_date,
+    blank,
+    cell_text,
+    CLOCK,
+    is_number,
+    is_statistic,
+    is_text,
+    looks_like_time,
+    numbers,
+)
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table, without_count
-from fam_bundle_ros.data.unit_names import is_unit
+from fam_bundle_ros.data.unit_names import is_unit, unbracketed
 from fam_bundle_ros.errors import InputError
 
 #: Largest share of the rows that may be left out as a footer.
@@ -20,15 +29,7 @@ _MOST = 0.1
 
 
 def rows_of_words(table: Table, readings: np.ndarray) -> np.ndarray:
-    """
-    Return the rows that hold words and no reading, (T,) bool.
-
-    Parameters
-    ----------
-    table : Table
-    readings : ndarray of bool, shape (T,)
-        Rows with at least one number in a column that is used.
-    """
+    """Return which rows hold words and no reading of a used column (``readings``), (T,) bool."""
     rows = np.flatnonzero(~readings)
     found = np.zeros(len(readings), bool)
     for column in filter(is_text, table.columns.values()):
@@ -40,13 +41,8 @@ def settings(table: Table, words: np.ndarray) -> np.ndarray:
     """
     Return the rows above a next block that hold a setting, (T,) bool: 'Pressure', '3.0', 'bar'.
 
-    Above the header again, these are all the rows that begin with a word.
-
-    Parameters
-    ----------
-    table : Table
-    words : ndarray of bool, shape (T,)
-        Rows with a word in a column that is used.
+    Above the header again, these are all the rows that begin with a word. ``words``, (T,) bool,
+    are the rows with a word in a column that is used.
     """
     found = np.zeros(len(words), bool)
     for at in np.flatnonzero(words).tolist():
@@ -60,21 +56,15 @@ def settings(table: Table, words: np.ndarray) -> np.ndarray:
 
 def _begins_with_word(table: Table, at: int) -> bool:
     first = next(filter(None, _cells(table, at)), '')
-    return not (is_number(first) or CLOCK.fullmatch(first)
-                                or begins_with_date(first))
+    return not (is_number(first) or CLOCK.fullmatch(first) or begins_with_date(first))
 
 
 def refuse_another_header(table: Table, words: np.ndarray) -> None:
     """
     Raise InputError where a header with other columns or units stands further down.
 
-    The rows below it would be read as the columns of the first header.
-
-    Parameters
-    ----------
-    table : Table
-    words : ndarray of bool, shape (T,)
-        From `rows_of_words`.
+    The rows below it would be read as the columns of the first header. ``words`` are
+    `rows_of_words`.
     """
     for at in np.flatnonzero(words).tolist():
         cells = [cell for cell in _cells(table, at) if cell]
@@ -125,15 +115,14 @@ def footer(table: Table, words: np.ndarray, clock: str | None) -> tuple[np.ndarr
 
 def _cells(table: Table, at: int) -> list[str]:
     """Return the cells of a row as text, '' for blanks."""
-    return ['' if blank(column[at]) else str(column[at]).strip()
-            for column in table.columns.values()]
+    return [cell_text(column[at]) for column in table.columns.values()]
 
 
 def _other_words(table: Table, at: int) -> list[str]:
     """Return the cells of a row that are neither blank nor the header or its unit again."""
     return [cell for cell, header in zip(_cells(table, at), table.columns)
             if cell and ' '.join(cell.split()) not in (header, without_count(header))
-            and cell.strip('[](){}<>') != table.units.get(header)]
+            and unbracketed(cell) != table.units.get(header)]
 
 
 def _is_setting(cells: list[str]) -> bool:

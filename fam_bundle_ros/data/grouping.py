@@ -9,7 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import slope
+from fam_bundle_ros.data.rates import begins, slope
+
+#: Strains closer than this are one.
+ONE_STRAIN = 2e-4
 
 
 def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.ndarray]:
@@ -58,11 +61,49 @@ def strain_bins(strain: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
     return np.clip(np.searchsorted(edges, strain, side='right') - 1, 0, len(edges) - 2), edges
 
 
+def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return a cell label and a visit label for each row, (T,) int.
+
+    A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
+    in one.
+    """
+    span = float(np.ptp(measurement.strain))
+    # a strain that is held is one bin, whatever its rounding
+    held = np.zeros(len(measurement), int)
+    parts = [held if span < ONE_STRAIN else
+             np.floor(measurement.strain / span * strains).astype(int)]
+    for column in measurement.pressure.T:
+        width = max(float(np.ptp(column)) / 40.0, 5e3)
+        # isobars differ by their noise: bins are centred on the usual steps by rounding
+        parts.append(np.round(column / width).astype(int))
+    parts.append(measurement.direction)
+    _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    return cell, np.cumsum(begins(cell, measurement.trial)) - 1
+
+
 def merge(labels: np.ndarray, most: int) -> np.ndarray:
     """Return labels 0, 1, ... of at most ``most`` blocks; neighbouring labels are merged."""
     _, index = np.unique(labels, return_inverse=True)
     count = int(index.max()) + 1
     return index if count <= most else index * most // count
+
+
+def earlier(labels: np.ndarray) -> np.ndarray:
+    """
+    Return how many earlier rows have the same label, (T,) int.
+
+    Examples
+    --------
+    >>> earlier(np.array([5, 7, 5, 5, 7]))
+    array([0, 0, 1, 2, 1])
+    """
+    order = np.argsort(labels, kind='stable')
+    first = np.flatnonzero(begins(labels[order]))
+    count = np.empty(len(labels), int)
+    count[order] = np.arange(len(labels)) - np.repeat(first, np.diff(first, append=len(labels)))
+    return count
 
 
 def rms(values: np.ndarray | Sequence[float]) -> float:
@@ -80,12 +121,12 @@ def reversals(data: Measurement) -> np.ndarray:
     """
     if data.is_static:
         return np.zeros(len(data), bool)
-    turn = (data.direction[1:] * data.direction[:-1] < 0) | (data.trial[1:] != data.trial[:-1])
-    unsure = data.start.copy()
+    start = data.start
+    turn = ~start[1:] & (data.direction[1:] * data.direction[:-1] < 0)
+    unsure = start.copy()
     unsure[1:] |= turn
-    unsure[:-1] |= turn & (data.trial[1:] == data.trial[:-1])
-    still = np.zeros(len(data), bool)
-    still[1:] = unsure[:-1] & (data.trial[1:] == data.trial[:-1]) & ~data.start[:-1]
-    before = np.zeros(len(data), bool)
-    before[:-1] = unsure[1:] & (data.trial[1:] == data.trial[:-1]) & ~data.start[1:]
-    return unsure | still | before
+    unsure[:-1] |= turn
+    near = unsure.copy()
+    near[1:] |= unsure[:-1] & ~start[1:] & ~start[:-1]
+    near[:-1] |= unsure[1:] & ~start[1:]
+    return near

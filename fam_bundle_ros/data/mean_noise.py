@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from fam_bundle_ros.data.noise import NoiseFloor
-from fam_bundle_ros.data.rates import spread
+from fam_bundle_ros.data.rates import begins, spread
 
 #: Fewest second differences that give a variance.
 _FEW = 6
@@ -74,7 +74,7 @@ def mean_noise(values: np.ndarray, stay: np.ndarray, floor: NoiseFloor) -> MeanN
     """
     quantum = floor.quantum
     total = np.append(0.0, np.cumsum(values))
-    run = np.cumsum(np.diff(stay, prepend=stay[0]) != 0)
+    run = np.cumsum(begins(stay))
     blocks, found, count = [], [], []
     for block in 2 ** np.arange(int(np.log2(len(stay)))):
         mean = (total[block:] - total[:-block]) / block

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import csv
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 import hashlib
 from pathlib import Path
@@ -23,19 +23,16 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
 from fam_bundle_ros.data.dropouts import what_was_lost
+from fam_bundle_ros.data.trials import fresh_stamps, MIN_ROWS, spread_stamps, trials_of
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.told import Told
 
-#: A comparison needs at least so many rows.
-MIN_ROWS = 12
 #: More rows than this are refused before they are held in memory (about 0.5 GB of arrays).
 MAX_ROWS = 5_000_000
 #: Resolution of the best load cells, as a share of the largest force.
 RESOLUTION = 1e-4
 #: Strain that no sensor tells from rest: 0.3 um of 300 mm.
 _REST_STRAIN = 1e-6
-#: Smaller ranges are one strain, and one pressure (share of the largest).
-_ONE_STRAIN, _ONE_PRESSURE = 1e-4, 0.01
 
 #: Reason for which a row is left out; the name of the quantity follows.
 _WITHOUT = 'without a number in'
@@ -68,6 +65,11 @@ class Taken(NamedTuple):
     sign: int = 1
     why: str = ''
 
+    @property
+    def turned(self) -> bool:
+        """Whether the sign was turned round; that of an elongation always is for a strain."""
+        return (self.sign < 0) != (self.quantity == 'elongation')
+
 
 @dataclass(frozen=True, repr=False)
 class Measurement(Told):
@@ -88,7 +90,7 @@ class Measurement(Told):
         Index into ``trial_names``; rows of one trial are neighbours.
     time : ndarray, shape (T,), s, or None
         Clock time; increasing within a trial (rows that shared a stamp are spread evenly up to
-        the next, `checks.spread_stamps`). None for a static map.
+        the next, `trials.spread_stamps`). None for a static map.
     strain_rate : ndarray, shape (T,), 1/s
         Smoothed slope of the strain, zero for a static map.
     rate_noise : float, 1/s
@@ -96,23 +98,23 @@ class Measurement(Told):
     direction : ndarray of int, shape (T,)
         +1 shortening, -1 lengthening; where the strain rests, +1 filling, -1 venting (either
         would shorten or lengthen a free muscle); 0 at rest or unknown.
-    motor_units : tuple of str
-        Names of the pressure columns, empty names for a single muscle.
-    sha256 : str
-        Digest of the file that was read, empty when there was none.
-    notes : tuple of str
-        What a reader should know: oddities that are not errors.
     direction_basis : ndarray of int, shape (T,)
         What ``direction`` was read from: `REST`, `BY_STRAIN` or `BY_PRESSURE`.
+    motor_units : tuple of str
+        Names of the pressure columns, empty names for a single muscle.
+    notes : tuple of str
+        What a reader should know: oddities that are not errors.
     dropped : mapping of str to int
         Rows that were left out, by reason.
+    first_dropped : mapping of str to (int, str)
+        By reason, for rows without a number: the first of them, and what stands there ('' where
+        that is nothing, or not known).
+    sha256 : str
+        Digest of the file that was read, empty when there was none.
     taken : tuple of Taken
         What each column of the file was taken for; empty for arrays and bags.
     rest_length : float, m, or None
         By which lengths were made strains, None where there were none.
-    first_dropped : mapping of str to (int, str)
-        By reason, for rows without a number: the first of them, and what stands there ('' where
-        that is nothing, or not known).
     """
 
     name: str
@@ -120,25 +122,19 @@ class Measurement(Told):
     pressure: np.ndarray
     force: np.ndarray
     trial: np.ndarray
-    time: np.ndarray | None = None
-    strain_rate: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    rate_noise: float = 0.0
-    direction: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
-    trial_names: tuple[str, ...] = ('0',)
-    motor_units: tuple[str, ...] = ('mu1',)
+    time: np.ndarray | None
+    strain_rate: np.ndarray
+    rate_noise: float
+    direction: np.ndarray
+    direction_basis: np.ndarray
+    trial_names: tuple[str, ...]
+    motor_units: tuple[str, ...]
+    notes: tuple[str, ...]
+    dropped: Mapping[str, int]
+    first_dropped: Mapping[str, tuple[int, str]]
     sha256: str = ''
-    notes: tuple[str, ...] = ()
-    direction_basis: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
-    dropped: Mapping[str, int] = field(default_factory=dict)
     taken: tuple[Taken, ...] = ()
     rest_length: float | None = None
-    first_dropped: Mapping[str, tuple[int, str]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if len(self.direction_basis) != len(self.direction):
-            # made without a basis: the direction is that of the strain
-            object.__setattr__(self, 'direction_basis',
-                               np.where(self.direction != 0, BY_STRAIN, REST))
 
     def __len__(self) -> int:
         return len(self.force)
@@ -220,7 +216,7 @@ class Measurement(Told):
         """
         names = ('strain', 'pressure', 'force', 'trial', 'strain_rate', 'direction',
                  'direction_basis')
-        picked = {name: getattr(self, name)[keep] for name in names if len(getattr(self, name))}
+        picked = {name: getattr(self, name)[keep] for name in names}
         dropped = dict(self.dropped)
         gone = len(self) - len(picked['force'])
         if reason and gone:
@@ -325,7 +321,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     Rows without a finite number in every column are left out and counted. Rows that share a time
     stamp are left out too where they repeat the row before in all columns (a row written
     twice); where they differ the clock is coarser than the sampling, and they are spread evenly
-    up to the next stamp (`checks.spread_stamps`). One strain only (isometric) or
+    up to the next stamp (`trials.spread_stamps`). One strain only (isometric) or
     one pressure only (isobaric) is enough.
 
     Parameters
@@ -387,38 +383,35 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
                                     limits['pressure'])
     except InputError as error:
         raise InputError(f'{error}{codes}') from error
-    trials = checks.trials_of(name, trial, named.get('time'), rows)
-    if trials.order is not None:
-        named = {label: values[trials.order] for label, values in named.items()}
+    trials = trials_of(name, trial, named.get('time'), rows)
+    of_row = trials.of_row
+    named = {label: values[trials.order] for label, values in named.items()}
     strain, force = named['strain'], named['force']
     pressure = np.stack([named[label] for label in labels], -1)
-    if trial is None and trials.order is not None:
-        notes.append('rows out of order by their times: put in order')
-    elif trial is None:
-        notes += _new_trials(trials.of_row, named.get('time'), rows)
-    notes += _what_does_not_change(name, strain, pressure)
-    notes += checks.odd_signs(strain, pressure, force)
+    notes += [*trials.notes, *checks.what_does_not_change(name, strain, pressure),
+              *checks.odd_signs(strain, pressure, force)]
+    still = np.zeros(len(force), int)
+    measured = Measurement(
+        name, strain, pressure, force, of_row, time=None, strain_rate=np.zeros(len(force)),
+        rate_noise=0.0, direction=still, direction_basis=still, trial_names=trials.names,
+        motor_units=tuple(motor_units), notes=tuple(notes), dropped=dropped, first_dropped=lost)
     if time is None:
-        still = np.zeros(len(force), int)
-        return Measurement(name, strain, pressure, force, trials.of_row, None,
-                           np.zeros(len(force)), 0.0, still, trials.names, tuple(motor_units),
-                           '', tuple(notes), still, dropped, first_dropped=lost)
-    notes += what_was_lost(strain, {label: named[label] for label in labels}, force,
-                           trials.of_row, rows if trials.order is None else rows[trials.order])
-    time = checks.spread_stamps(named['time'], trials.of_row)
-    shared = int((~checks.fresh_stamps(named['time'], trials.of_row)).sum())
+        return measured
+    notes += what_was_lost(strain, {label: named[label] for label in labels}, force, of_row,
+                           rows[trials.order])
+    time = spread_stamps(named['time'], of_row)
+    shared = int((~fresh_stamps(named['time'], of_row)).sum())
     if shared:
         notes.append(f'{counted(shared, "row")} with the time stamp of the row before, or in one '
                      'packet with it: spread evenly up to the next stamp')
     if not np.ptp(time) > 0:
         raise InputError(f'{name}: time stands still at {time[0]:.6g} s; expected it to increase, '
                          'or no column for it')
-    rate, rate_noise, _ = rates.slope(time, strain, trials.of_row)
+    rate, rate_noise, _ = rates.slope(time, strain, of_row)
     rate = named.get('strain_rate', rate)
-    direction, basis = _directions(time, strain, pressure, trials.of_row, rate, rate_noise)
-    return Measurement(name, strain, pressure, force, trials.of_row, time, rate, rate_noise,
-                       direction, trials.names, tuple(motor_units), '', tuple(notes), basis,
-                       dropped, first_dropped=lost)
+    direction, basis = _directions(time, strain, pressure, of_row, rate, rate_noise)
+    return replace(measured, time=time, strain_rate=rate, rate_noise=rate_noise,
+                   direction=direction, direction_basis=basis, notes=tuple(notes))
 
 
 def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarray | None,
@@ -444,43 +437,6 @@ def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarr
             dropped['that repeat the row before'] = int(again.sum())
             keep[kept[1:][again]] = False
     return keep, dropped, first
-
-
-def _new_trials(of_row: np.ndarray, time: np.ndarray | None, rows: np.ndarray) -> list[str]:
-    """Return notes on trials that begin at a pause of the clock, or where it goes back oddly."""
-    begin = np.flatnonzero(np.diff(of_row)) + 1
-    steps = np.zeros(0) if time is None else time[begin] - time[begin - 1]
-    notes = [f'the clock pauses for {step:.3g} s before row {rows[at]}: a new trial'
-             for at, step in zip(begin, steps) if step > 0.0]
-    if len(notes) > 3:
-        notes = [f'{notes[0]}, as at {len(notes) - 1} further pauses']
-    for first, at, step in zip([0, *begin], begin, steps):
-        if time is not None and step < 0.0 and time[at] - time[first] > 0.5 * (
-                time[at - 1] - time[first]):
-            notes.append(f'the clock goes back by {-step:.3g} s at row {rows[at]}, not to where '
-                         'it began: read as a new trial')
-    counts = np.bincount(of_row)[1:].tolist()
-    return notes + [f'the clock goes back at row {rows[at]} for {counted(count, "row")}: read as '
-                    'a trial' for at, step, count in zip(begin, steps, counts)
-                    if step < 0.0 and count < MIN_ROWS]
-
-
-def _what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:
-    isometric = np.ptp(strain) < _ONE_STRAIN
-    held = np.ptp(pressure, axis=0) < max(1e3, _ONE_PRESSURE * np.abs(pressure).max())
-    isobaric = held.all()
-    if isometric and isobaric:
-        raise InputError(
-            f'{name}: neither strain ({strain.mean():.4f}) nor pressure '
-            f'({pressure.mean() / 1e3:.1f} kPa) changes; expected at least one of them to')
-    if isometric:
-        return [f'one strain only ({strain.mean():.4f}): effects of strain cannot be told apart']
-    if isobaric:
-        return [f'one pressure only ({pressure.mean() / 1e3:.1f} kPa): effects of pressure cannot '
-                'be told apart']
-    return [f'pressure {unit + 1} of {len(held)} is {pressure[:, unit].mean() / 1e3:.4g} kPa '
-            'throughout: the effect of this pressure cannot be determined'
-            for unit in np.flatnonzero(held)]
 
 
 def _directions(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray, trial: np.ndarray,

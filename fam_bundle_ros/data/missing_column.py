@@ -14,11 +14,9 @@ from fam_bundle_ros.data.column_names import is_longer, STRAINS, unit_for
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
+from fam_bundle_ros.data.missing_units import example_unit
 from fam_bundle_ros.data.told_columns import name_of
 from fam_bundle_ros.data.unit_names import ELECTRIC
-
-#: Quantity: the unit in examples; of other quantities mm.
-_EXAMPLES = {'force': 'N', 'pressure': 'kPa', 'strain': '%'}
 
 
 def family(key: str) -> str:
@@ -92,7 +90,7 @@ def _constant_pressure(table: Table) -> str:
 
 
 def _unknown(key: str) -> str:
-    return f'{key}=... [{_EXAMPLES[key]}]'
+    return f'{key}=... [{example_unit(key)}]'
 
 
 def _misfit(table: Table, key: str, unused: Sequence[str]) -> str:
@@ -102,7 +100,7 @@ def _misfit(table: Table, key: str, unused: Sequence[str]) -> str:
         if match.score or not text or family(match.quantity) != key:
             continue
         told = shown(match.quantity) + (f'.{match.part}' if match.part else '')
-        unit = _EXAMPLES.get(match.quantity, 'mm')
+        unit = example_unit(match.quantity)
         others = _examples(table, key, [other for other in unused if other != header])
         return (f"column '{header}': '{text}' is not a unit of {key}; if its numbers are in "
                 f'another unit, tell it, for example --columns "{told}={name_of(header)} '
@@ -137,8 +135,8 @@ def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
         if text is None:
             counts = not alike and (values % 1.0 == 0.0).all()
             told = told.replace('strain', 'contraction') if counts else told
-            unit = _EXAMPLES.get(told, 'mm')
-            size = unit_for(key, _EXAMPLES[key])
+            unit = example_unit(told)
+            size = unit_for(key, example_unit(key))
             low, high, *_ = ranges()[key]
             if not alike and (meant or 'no reading' in table.meaning(header).why or size and not (
                     counts or low <= size.factor * values.min() <= size.factor * values.max()
@@ -152,5 +150,5 @@ def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
             fitting.insert(0 if alike else len(fitting), f'{told}={header}')
         elif text.strip() in ELECTRIC and (alike or not meant):
             told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio
-            electric.append(f'{told}={name_of(header)} * 50 {_EXAMPLES.get(told, "mm")}')
+            electric.append(f'{told}={name_of(header)} * 50 {example_unit(told)}')
     return fitting or without or electric

@@ -29,6 +29,11 @@ _SLOWEST = 2.0
 _FASTEST, _QUICK = 2e-6, 2e-3
 
 
+def example_unit(quantity: str) -> str:
+    """Return the unit in which a message shows how a column is told."""
+    return {'force': 'N', 'pressure': 'kPa', 'strain': '%'}.get(quantity, 'mm')
+
+
 def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
                rest_length: float | None) -> tuple[Unit, str]:
     """
@@ -60,8 +65,7 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
         said = '' if fitting[0].text == '1' else f'{fitting[0].text} guessed, no unit given'
         return fitting[0], said
     texts = [unit.text.replace('1', 'ratio') for unit in fitting]
-    example = fitting[0].text if fitting else {'pressure': 'kPa', 'force': 'N', 'strain': '%',
-                                               'length': 'mm'}.get(quantity, 'mm')
+    example = fitting[0].text if fitting else example_unit(quantity)
     reason = f' (up to {top:.4g} could be {" or ".join(texts)})' if texts else (
         f' (up to {top:.4g})')
     raise InputError(f"{name}: column '{header}' has no unit{reason}; expected it told, for "

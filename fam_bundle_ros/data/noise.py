@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.special import betainc, erf
 
-from fam_bundle_ros.data.grouping import varying_unit
+from fam_bundle_ros.data.grouping import ONE_STRAIN, varying_unit, visit_cells
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.rates import begins, BY_CHANCE, ROBUST, spread
 from fam_bundle_ros.data.trial_offsets import trial_offsets
@@ -32,8 +32,6 @@ _LOOPS = 0.2
 #: Two estimates differ where the noise of one is more than this many times the other's, and pairs
 #: of one noise would look like it at most as often as `rates.BY_CHANCE`.
 _MATTERS = 1.25
-#: Strains closer than this are one.
-_ONE_STRAIN = 2e-4
 
 
 @dataclass(frozen=True)
@@ -115,17 +113,15 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     offsets = trial_offsets(measurement, values)
     if offsets is not None:
         values = values - offsets.rows
-    floor = _floor(measurement, values)
-    if offsets is not None:
-        floor = replace(floor, note=str(offsets))
-    floor = replace(floor, in_file_order=_smoothness(measurement, values, by_strain=False),
+    floor = replace(_floor(measurement, values),
+                    in_file_order=_smoothness(measurement, values, by_strain=False),
                     in_strain_order=_smoothness(measurement, values, by_strain=True))
-    if not floor.hides_loops:
-        return floor
-    return replace(floor, note='rows that follow each other in the file agree to '
-                   f'{floor.in_file_order:.2g} N, rows of equal strain and pressure only to '
-                   f'{floor.in_strain_order:.2g} N: loops or drift, which cannot be judged '
-                   'without time')
+    if floor.hides_loops:
+        return replace(floor, note='rows that follow each other in the file agree to '
+                       f'{floor.in_file_order:.2g} N, rows of equal strain and pressure only to '
+                       f'{floor.in_strain_order:.2g} N: loops or drift, which cannot be judged '
+                       'without time')
+    return floor if offsets is None else replace(floor, note=str(offsets))
 
 
 def force_step(force: np.ndarray) -> float:
@@ -165,8 +161,8 @@ def _chosen(values: np.ndarray, differences: float | None, repeats: float | None
     """Return the noise floor by the most reliable estimate."""
     note = ''
     if differences is None and repeats is None:
-        wide = ROBUST * float(np.median(np.abs(values - np.median(values))))
-        return NoiseFloor(max(wide, 1e-9), None, None, None, 1.0, 'spread of the residual',
+        return NoiseFloor(max(spread(values), 1e-9), None, None, None, 1.0,
+                          'spread of the residual',
                           'too few neighbours or repeats to tell noise from error')
     if repeats is None:
         return NoiseFloor(float(differences or 0.0), differences, None, None, 1.0,
@@ -277,29 +273,7 @@ def _lines(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
 
 def _strain_levels(measurement: Measurement) -> np.ndarray:
     """Return the label of each row's strain, (T,): rows of equal strain have the same one."""
-    return np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, _ONE_STRAIN))
-
-
-def visit_cells(measurement: Measurement, strains: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return a cell label and a visit label for each row, (T,) int; -1 where there is no cell.
-
-    A cell is a bin of strain, of each pressure, and the direction; a visit is an unbroken stay
-    in one. For a static map all rows of one trial in a cell are a visit.
-    """
-    span = float(np.ptp(measurement.strain))
-    # a strain that is held is one bin, whatever its rounding
-    held = np.zeros(len(measurement), int)
-    parts = [held if span < _ONE_STRAIN else
-             np.floor(measurement.strain / span * strains).astype(int)]
-    for column in measurement.pressure.T:
-        width = max(float(np.ptp(column)) / 40.0, 5e3)
-        # isobars differ by their noise: bins are centred on the usual steps by rounding
-        parts.append(np.round(column / width).astype(int))
-    parts.append(measurement.direction)
-    _, cell = np.unique(np.stack(parts, -1), axis=0, return_inverse=True)
-    cell = cell.ravel()
-    return cell, np.cumsum(begins(cell, measurement.trial)) - 1
+    return np.round(measurement.strain / max(np.ptp(measurement.strain) / 200.0, ONE_STRAIN))
 
 
 def _from_visits(values: np.ndarray, cell: np.ndarray, visit: np.ndarray, passes: np.ndarray,
@@ -327,34 +301,3 @@ def _from_visits(values: np.ndarray, cell: np.ndarray, visit: np.ndarray, passes
     of_means = float(ROBUST * np.median(np.abs((mean[a] - mean[b]) / scale)))
     correlation = max((of_means / repeats) ** 2, 1.0) if repeats > 0 else 1.0
     return repeats, of_means, float(min(correlation, 100.0)), len(again)
-
-
-def autocorrelation_time(residual: np.ndarray, trial: np.ndarray, longest: int = 400) -> float:
-    """
-    Return how many samples make one independent sample: 1 + 2 sum of autocorrelations.
-
-    The sum stops at the first pair of lags that is not positive (Geyer). At least 1.
-    """
-    values = residual - residual.mean()
-    parts = np.split(values, np.flatnonzero(np.diff(trial)) + 1)
-    lags = min(longest, max(len(values) // 4, 2))
-    total, weight = np.zeros(lags), np.zeros(lags)
-    for part in parts:
-        n = len(part)
-        if n < 4:
-            continue
-        size = 1 << int(np.ceil(np.log2(2 * n)))
-        spectrum = np.fft.rfft(part, size)
-        auto = np.fft.irfft(spectrum * np.conj(spectrum), size)[:min(n, lags)]
-        total[:len(auto)] += auto
-        weight[:len(auto)] += n - np.arange(len(auto))
-    if total[0] <= 0:
-        return 1.0
-    rho = (total / np.maximum(weight, 1)) / (total[0] / weight[0])
-    tau = 1.0
-    for k in range(1, lags - 1, 2):
-        pair = rho[k] + rho[k + 1]
-        if pair <= 0:
-            break
-        tau += 2.0 * pair
-    return float(max(tau, 1.0))

@@ -12,7 +12,7 @@ segments (`fam_bundle_ros.data.schedule`), each of which is one trial of the rec
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, MISSING
 from itertools import product
 from pathlib import Path
@@ -40,8 +40,12 @@ __all__ = ['dumps_protocol', 'duration', 'Hold', 'Limits', 'minutes', 'Pause',
            'Segment', 'segments', 'Sweep']
 
 FORMAT = 'fam-bundle-protocol/1'
-#: Units of the quantities in a file, and in which they are written.
-_UNITS = {'time': 's', 'settle': 's', 'travel': '1/s', 'force': 'N'}
+#: Unit of a quantity, and the unit in which it is written. A strain is a plain number.
+_UNITS = {'pressure': ('Pa', 'kPa'), 'pressure rate': ('Pa/s', 'kPa/s'), 'strain': ('1', ''),
+          'rate': ('1/s', '1/s'), 'travel': ('1/s', '1/s'), 'time': ('s', 's'),
+          'settle': ('s', 's'), 'force': ('N', 'N')}
+_COUNTS = ('motor_units', 'seed', 'repeats', 'cycles')
+_TEXTS = ('name', 'order', 'notes')
 
 
 def read_protocol(name: str | Path) -> Protocol:
@@ -71,18 +75,13 @@ def save_protocol(protocol: Protocol, path: str | Path) -> None:
 def dumps_protocol(protocol: Protocol) -> str:
     """Return a protocol as the text of its file."""
     import yaml
-    content: dict[str, Any] = {'format': FORMAT}
-    for entry in fields(Protocol):
-        value = getattr(protocol, entry.name)
-        if entry.name == 'limits':
-            value = _written_limits(value)
-        elif entry.name == 'steps':
-            value = [{step.kind: _written(step)} for step in value]
-        elif value == entry.default:
-            continue
-        if value != {}:
-            content[entry.name] = _shown(entry.name, value)
-    content['steps'] = content.pop('steps')
+    content = {'format': FORMAT, **_written(protocol)}
+    content['limits'] = _written(protocol.limits)
+    if not content['limits']:
+        del content['limits']
+    del content['steps']
+    content['steps'] = [{step.kind: _shown('time', step.time) if isinstance(step, Pause)
+                         else _written(step)} for step in protocol.steps]
     return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=99,
                               default_flow_style=None))
 
@@ -90,28 +89,22 @@ def dumps_protocol(protocol: Protocol) -> str:
 def _protocol(content: Any) -> Protocol:
     if not isinstance(content, dict) or content.get('format') != FORMAT:
         raise InputError(f"no protocol; expected a mapping with 'format: {FORMAT}'")
-    known = {entry.name for entry in fields(Protocol)}
     given = {key: value for key, value in content.items() if key != 'format'}
-    _only(given, known, '')
-    for key in ('name', 'motor_units', 'steps'):
-        if key not in given:
-            raise InputError(f"has no key '{key}'")
-    for key in ('motor_units', 'seed', 'repeats'):
-        if key in given:
-            given[key] = _count(given[key], key)
-    for key in ('settle', 'travel'):
-        if key in given:
-            given[key] = _quantity(given[key], _UNITS[key], key)
-    for key in ('name', 'order', 'notes'):
-        given[key] = str(given.get(key, getattr(Protocol, key, '')))
-    if not 0 < given['motor_units'] <= 64:
-        raise InputError(f"motor_units is {given['motor_units']}; expected 1 to 64")
+    _check_keys(given, Protocol, '')
+    for key, value in given.items():
+        if key in _COUNTS:
+            given[key] = _count(value, key)
+        elif key in _TEXTS:
+            given[key] = str(value)
+        elif key in _UNITS:
+            given[key] = _quantity(value, key, key)
+    units, steps = given['motor_units'], given['steps']
+    if not 0 < units <= 64:
+        raise InputError(f'motor_units is {units}; expected 1 to 64')
     given['limits'] = _limits(given.get('limits', {}))
-    steps = given['steps']
     if not isinstance(steps, list):
         raise InputError(f'steps is {type(steps).__name__}; expected a list')
-    given['steps'] = tuple(_step(entry, f'step {k}', given['motor_units'])
-                           for k, entry in enumerate(steps, 1))
+    given['steps'] = tuple(_step(entry, f'step {k}', units) for k, entry in enumerate(steps, 1))
     return Protocol(**given)
 
 
@@ -120,35 +113,29 @@ def _step(entry: Any, where: str, units: int) -> Step:
         found = ', '.join(map(str, entry)) if isinstance(entry, dict) else repr(entry)
         raise InputError(f'{where} is {found}; expected one of {", ".join(STEPS)}')
     ((kind, values),) = entry.items()
-    if kind == Pause.kind:
-        return Pause(_quantity(values, 's', f'{where} (pause)'))
-    where = f'{where} ({kind})'
+    step, at = STEPS[kind], f'{where} ({kind})'
+    if step is Pause:
+        return Pause(_quantity(values, 'time', at))
     if not isinstance(values, dict):
-        raise InputError(f'{where} is {values!r}; expected keys with values')
-    made: Any = STEPS[kind]
-    known = {item.name: item for item in fields(made)}
-    _only(values, set(known), f'{where}: ')
-    missing = [name for name, item in known.items()
-               if name not in values and item.default is MISSING]
-    if missing:
-        raise InputError(f"{where} has no key '{missing[0]}'")
-    likes = {'time': 's', 'strain': '1', 'rate': 'Pa/s' if made is PressureSweep else '1/s'}
+        raise InputError(f'{at} is {values!r}; expected keys with values')
+    _check_keys(values, step, at)
     given: dict[str, Any] = {}
     for key, value in values.items():
-        at = f'{where}: {key}'
+        here = f'{at}: {key}'
         if key == 'pressure':
-            given[key] = _pressures(value, units, at)
-        elif key == 'cycles':
-            given[key] = _count(value, at)
-        elif key == 'strain' and made in (Sweep, Hold):
+            given[key] = _pressures(value, units, here)
+        elif key in _COUNTS:
+            given[key] = _count(value, here)
+        elif key == 'strain' and step in (Sweep, Hold):
             listed = value if isinstance(value, list) else [value]
-            given[key] = tuple(_quantity(each, '1', at) for each in listed)
+            given[key] = tuple(_quantity(each, key, here) for each in listed)
         else:
-            given[key] = _quantity(value, likes[key], at)
+            given[key] = _quantity(
+                value, 'pressure rate' if key == 'rate' and step is PressureSweep else key, here)
     try:
-        return made(**given)
+        return step(**given)
     except InputError as error:
-        raise InputError(f'{where.partition(" (")[0]}, {error}') from None
+        raise InputError(f'{where}, {error}') from None
 
 
 def _pressures(value: Any, units: int, where: str) -> tuple[Pressures, ...]:
@@ -156,14 +143,14 @@ def _pressures(value: Any, units: int, where: str) -> tuple[Pressures, ...]:
     if isinstance(value, list):
         return tuple(each for item in value for each in _pressures(item, units, where))
     if not isinstance(value, dict):
-        return ((_quantity(value, 'Pa', where),) * units,)
+        return ((_quantity(value, 'pressure', where),) * units,)
     names = [f'mu{k + 1}' for k in range(units)]
-    _only(value, set(names), f'{where}: ')
+    _only(value, names, where)
     # A unit that is not named is vented. The last one changes fastest.
     choices = []
     for name in names:
         given = value.get(name, '0 Pa')
-        choices.append([_quantity(each, 'Pa', f'{where}.{name}')
+        choices.append([_quantity(each, 'pressure', f'{where}.{name}')
                         for each in (given if isinstance(given, list) else [given])])
     return tuple(product(*choices))
 
@@ -171,38 +158,23 @@ def _pressures(value: Any, units: int, where: str) -> tuple[Pressures, ...]:
 def _limits(value: Any) -> Limits:
     if not isinstance(value, dict):
         raise InputError(f'limits is {value!r}; expected pressure, strain, force')
-    _only(value, {entry.name for entry in fields(Limits)}, 'limits: ')
-    given: dict[str, Any] = {}
-    for key, like in (('pressure', 'Pa'), ('force', 'N')):
-        if key in value:
-            given[key] = _quantity(value[key], like, f'limits: {key}')
+    _check_keys(value, Limits, 'limits')
+    given: dict[str, Any] = {key: _quantity(each, key, f'limits: {key}')
+                             for key, each in value.items() if key != 'strain'}
     if 'strain' in value:
         strain = value['strain']
         if not (isinstance(strain, list) and len(strain) == 2):
             raise InputError(f'limits: strain is {strain!r}; expected [from, to]')
-        given['strain'] = tuple(_quantity(each, '1', 'limits: strain') for each in strain)
+        given['strain'] = tuple(_quantity(each, 'strain', 'limits: strain') for each in strain)
     return Limits(**given)
 
 
-def _written(step: Step) -> Any:
-    """Return what stands in the file under the kind of a step."""
-    if isinstance(step, Pause):
-        return _shown('time', step.time)
-    made: Any = step
-    content = {}
-    for entry in fields(made):
-        value = getattr(step, entry.name)
-        if value == entry.default:
-            continue
-        if entry.name == 'rate':
-            value = express(value, 'kPa/s' if isinstance(step, PressureSweep) else '1/s', 9)
-        content[entry.name] = _shown(entry.name, value)
-    return content
-
-
-def _written_limits(limits: Limits) -> dict[str, Any]:
-    return {entry.name: _shown(entry.name, getattr(limits, entry.name))
-            for entry in fields(Limits) if getattr(limits, entry.name) != entry.default}
+def _written(given: Protocol | Limits | Step) -> dict[str, Any]:
+    """Return the values that are not the default ones, as they stand in a file."""
+    values = {entry.name: getattr(given, entry.name) for entry in fields(given)
+              if getattr(given, entry.name) != entry.default}
+    return {name: _shown('pressure rate' if name == 'rate' and isinstance(given, PressureSweep)
+                         else name, value) for name, value in values.items()}
 
 
 def _shown(name: str, value: Any) -> Any:
@@ -210,31 +182,38 @@ def _shown(name: str, value: Any) -> Any:
     if name == 'pressure' and isinstance(value, tuple):
         shown = [_shown_pressure(each) for each in value]
         return shown if len(shown) > 1 else shown[0]
-    if name == 'pressure':
-        return express(value, 'kPa', 9)
-    if name in _UNITS:
-        return express(value, _UNITS[name], 9)
-    if isinstance(value, tuple):
-        return [float(f'{each:.9g}') for each in value]
-    return float(f'{value:.9g}') if isinstance(value, float) else value
+    if name == 'strain':
+        return [_shown(name, each) for each in value] if isinstance(value, tuple) else float(
+            f'{value:.9g}')
+    return express(value, _UNITS[name][1], 9) if name in _UNITS else value
 
 
 def _shown_pressure(pressure: Pressures) -> Any:
     if alike(pressure, (pressure[0],) * len(pressure)):
-        return express(pressure[0], 'kPa', 9)
-    return {f'mu{k}': express(value, 'kPa', 9) for k, value in enumerate(pressure, 1)}
+        return _shown('pressure', pressure[0])
+    return {f'mu{k}': _shown('pressure', value) for k, value in enumerate(pressure, 1)}
 
 
-def _only(given: Mapping[Any, Any], known: set[str], where: str) -> None:
+def _check_keys(given: Mapping[Any, Any], made: type[Protocol | Limits | Step], where: str,
+                ) -> None:
+    """Raise InputError for a key that is not known, and for one that is missing."""
+    known = {entry.name: entry for entry in fields(made)}
+    _only(given, known, where)
+    for name, entry in known.items():
+        if name not in given and entry.default is entry.default_factory is MISSING:
+            raise InputError(f"{where} has no key '{name}'".lstrip())
+
+
+def _only(given: Mapping[Any, Any], known: Iterable[str], where: str) -> None:
     for key in given:
         if key not in known:
-            raise InputError(f"{where}key '{key}' is not known; expected some of "
-                             f'{", ".join(sorted(known))}')
+            raise InputError(f"{where}{': ' if where else ''}key '{key}' is not known; expected "
+                             f'some of {", ".join(sorted(known))}')
 
 
-def _quantity(value: Any, like: str, where: str) -> float:
+def _quantity(value: Any, name: str, where: str) -> float:
     with about(where):
-        return parse(value, like)
+        return parse(value, _UNITS[name][0])
 
 
 def _count(value: Any, where: str) -> int:

@@ -147,15 +147,9 @@ def spread(gaps: np.ndarray, quantum: float = 0.0) -> float:
     """
     Return the standard deviation of differences with outliers, by their median deviation.
 
-    Differences of quantised readings are multiples of the step: where the step is not small
-    beside them, the median deviation is one too, often zero. The standard deviation of those
-    within 5 of it, or of the step, is taken then.
-
-    Parameters
-    ----------
-    gaps : ndarray
-    quantum : float
-        Step that the readings come in, 0 for none.
+    Differences of readings in steps (``quantum``, 0 for none) are multiples of the step: where it
+    is not small beside them, the median deviation is one too, often zero. The standard deviation
+    of those within 5 of it, or of the step, is taken then.
     """
     gaps = gaps - np.median(gaps)
     robust = float(ROBUST * np.median(np.abs(gaps)))
@@ -178,6 +172,11 @@ def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
     # few changes, of three differences each, are levels that were set one after another
     quantum = float(changed.min()) if len(changed) > 3 * _CHANGES else 0.0
     return spread(third, quantum) / np.sqrt(20.0)
+
+
+def _noise(value: np.ndarray, trial: np.ndarray) -> float:
+    """Return the noise of a signal, with the q / sqrt(12) of a reading in steps of q."""
+    return max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
 
 
 def _beyond_rounding(difference: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -212,7 +211,7 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     Noise in strain and pressure would otherwise pass through the model and make lags, which
     smooth, or a hysteresis, which holds, look like a gain.
     """
-    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
+    noise = _noise(value, trial)
     if noise <= 0.0:
         return value
     best, spread = value.copy(), np.full(len(value), noise)
@@ -252,8 +251,7 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     trial : ndarray of int, shape (T,)
         Rows of one trial are neighbours; no window reaches across trials or long pauses.
     """
-    # a signal read in steps q has rounding noise of q / sqrt(12), which differences do not see
-    noise = max(sample_noise(value, trial), signal_step(value, trial) / np.sqrt(12.0))
+    noise = _noise(value, trial)
     parts, step = _parts(time, trial), usual_step(time, trial)
     best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
     for window in _WINDOWS:

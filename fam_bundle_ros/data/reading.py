@@ -196,11 +196,10 @@ def taken_words(measurement: Measurement) -> str:
             unused.append(f"'{taken.header}' ({taken.why})")
             continue
         said = f' ({taken.why})' if taken.why else ''
-        turned = ', sign turned round' if (taken.sign < 0) != (taken.quantity == 'elongation'
-                                                               ) else ''
+        turned = ', sign turned round' if taken.turned else ''
         used.append(f"{taken.quantity} '{taken.header}'{said}{turned}")
-        first = taken.header.partition('[')[0].strip().casefold()
-        plain &= not said and first in (taken.quantity.casefold(), taken.quantity)
+        first = taken.header.partition('[')[0].strip()
+        plain &= not said and first.casefold() == taken.quantity.casefold()
     if plain and not unused:
         return ''
     rest = measurement.rest_length
@@ -209,9 +208,9 @@ def taken_words(measurement: Measurement) -> str:
 
 
 def _recipe(recipe: Recipe | str | Path | None, **options: Any) -> Recipe:
-    base = recipe if isinstance(recipe, Recipe) else (
-        Recipe() if recipe is None else load_recipe(recipe))
-    return base.merged(**options)
+    if not isinstance(recipe, Recipe):
+        recipe = Recipe() if recipe is None else load_recipe(recipe)
+    return recipe.merged(**options)
 
 
 def _path(source: Any) -> Path | None:

@@ -30,33 +30,19 @@ _TYPES: dict[str, tuple[Any, str]] = {
 @dataclass(frozen=True)
 class Recipe:
     """
-    How to read a file.
+    How to read a file: the options of `read_measurement`, in SI units, and one more.
 
     Attributes
     ----------
     columns : mapping of str to str
-        Quantity to column, ``{'length': 'L [mm]', 'force': '-F [N]'}``: the header as it stands
-        or its name, with another unit in brackets if need be, a minus where the sign is to be
-        turned round, or the column's number; behind it a calibration, ``'AI1 * 50 N - 2 N'``.
-        A quantity that no column has may be a constant:
-        ``{'pressure': '300 kPa'}``, ``{'time': '100 Hz'}``. ``{'trial': 'none'}``: no column is
-        that. What is not named is recognised.
+        Quantity to column, ``{'length': 'L [mm]', 'force': '-F [N]'}``. What is not named is
+        recognised.
     rest_length : float, m, optional
         By which lengths become strains, whatever the file says.
     muscle_length : float, m, optional
         The same where the file says nothing: the length of the model.
-    gauge : bool, optional
-        Whether pressures are gauge (True) or absolute (False); by default as headers say, and
-        gauge where they do not.
-    ambient_pressure : float, Pa
-        Taken off absolute pressures.
-    max_pressure, max_strain : float, optional
-        Limits of the muscle (Pa gauge, 1) where it goes beyond 1 MPa or a strain of 0.5.
-    sheet : str, optional
-        Sheet of a workbook, group of a .tdms file, variable of a .mat file.
-    drop_bad : bool
-        Whether rows with a word where a number is expected are left out and counted; by default
-        the first of them is an error.
+    gauge, ambient_pressure, max_pressure, max_strain, sheet, drop_bad
+        As for `read_measurement`.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -154,8 +140,7 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
             continue
         own = recognise(taken.header).unit
         unit = f' [{taken.unit}]' if taken.unit and own is None else ''
-        turned = taken.sign < 0 if taken.quantity != 'elongation' else taken.sign > 0
-        columns[taken.quantity] = ('-' if turned else '') + taken.header + unit
+        columns[taken.quantity] = ('-' if taken.turned else '') + taken.header + unit
     return replace(recipe, columns=columns)
 
 

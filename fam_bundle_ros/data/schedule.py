@@ -109,7 +109,7 @@ class Protocol:
         for k, step in enumerate(self.steps, 1):
             for course in step.courses():
                 self._check(course, f'step {k} ({step.kind})')
-        if not any(step.courses() for step in self.steps):
+        if not self.courses:
             raise InputError('steps: nothing to record; expected one of '
                              + ', '.join(name for name in STEPS if name != Pause.kind))
 
@@ -128,17 +128,20 @@ class Protocol:
                     f'{self.limits.pressure / 1e3:.4g} kPa')
 
     @property
+    def courses(self) -> tuple[Course, ...]:
+        """What is to be done, in the order in which it is written."""
+        return tuple(course for step in self.steps for course in step.courses())
+
+    @property
     def highest(self) -> Pressures:
         """The highest pressure of each motor unit, Pa (gauge)."""
-        return tuple(max(values) for values in zip(*(
-            leg.pressure for step in self.steps for course in step.courses()
-            for leg in (course.start, *course.legs))))
+        return tuple(map(max, zip(*(leg.pressure for course in self.courses
+                                    for leg in (course.start, *course.legs)))))
 
     @property
     def imposes_strain(self) -> bool:
         """Whether a dynamometer is needed."""
-        return any(course.start.strain is not None for step in self.steps
-                   for course in step.courses())
+        return any(course.start.strain is not None for course in self.courses)
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ change linearly. Nothing here knows of files, models or rigs.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import accumulate
 import math
+from typing import get_args
 
 from fam_bundle_ros.errors import InputError
 
@@ -21,8 +21,6 @@ from fam_bundle_ros.errors import InputError
 Pressures = tuple[float, ...]
 #: Lowest and highest strain that a step may ask for.
 LEAST_STRAIN, MOST_STRAIN = -0.15, 0.5
-#: 1/s: default rate of the strain steps of `Hold`.
-_STEP_RATE = 0.5
 #: Pa: pressures that differ by less are equal. s: shorter legs are left out.
 _ALIKE, _SHORT = 1.0, 1e-9
 
@@ -44,12 +42,6 @@ class Leg:
     seconds: float
     strain: float | None
     pressure: Pressures
-
-    @property
-    def words(self) -> str:
-        """The pressures, and the strain if it is imposed, in words."""
-        strain = '' if self.strain is None else f' at strain {self.strain:.3g}'
-        return f'{pressure_words(self.pressure)}{strain}'
 
 
 @dataclass(frozen=True)
@@ -101,19 +93,8 @@ class Course:
         return before.strain + share * change, change / leg.seconds, pressure
 
 
-class Step(ABC):
-    """A step of an experiment: one course, or one for each of several pressures."""
-
-    #: As it is called in a file.
-    kind: str
-
-    @abstractmethod
-    def courses(self) -> tuple[Course, ...]:
-        """Return what is to be done, in the order in which it is written."""
-
-
 @dataclass(frozen=True)
-class Sweep(Step):
+class Sweep:
     """
     Isobars: the dynamometer moves the strain up and down while the pressures stay.
 
@@ -139,8 +120,8 @@ class Sweep(Step):
     def __post_init__(self) -> None:
         _positive(self.kind, rate=self.rate, cycles=self.cycles)
         if len(self.strain) != 2 or self.strain[0] == self.strain[1]:
-            raise InputError(f'sweep: strain is {_listed(self.strain)}; expected two strains, '
-                             '[from, to]')
+            listed = ', '.join(f'{value:g}' for value in self.strain)
+            raise InputError(f'sweep: strain is [{listed}]; expected two strains, [from, to]')
 
     def courses(self) -> tuple[Course, ...]:
         """Return one course for each of the pressures."""
@@ -154,7 +135,7 @@ class Sweep(Step):
 
 
 @dataclass(frozen=True)
-class Hold(Step):
+class Hold:
     """
     The strain steps and is held after each step, while the pressures stay: relaxation.
 
@@ -173,7 +154,7 @@ class Hold(Step):
     strain: tuple[float, ...]
     time: float
     pressure: tuple[Pressures, ...]
-    rate: float = _STEP_RATE
+    rate: float = 0.5
     kind = 'hold'
 
     def __post_init__(self) -> None:
@@ -196,7 +177,7 @@ class Hold(Step):
 
 
 @dataclass(frozen=True)
-class PressureSteps(Step):
+class PressureSteps:
     """
     The pressures step, and are held after each step.
 
@@ -227,13 +208,13 @@ class PressureSteps(Step):
         legs: list[Leg] = []
         for pressure in self.pressure * self.cycles:
             legs += [Leg(0.0, self.strain, pressure), Leg(self.time, self.strain, pressure)]
-        return (Course(f'pressure steps, {self.time:g} s each, up to '
-                       + Leg(0.0, self.strain, _highest(self.pressure)).words,
+        return (Course(f'pressure steps, {self.time:g} s each, '
+                       + _up_to(self.pressure, self.strain),
                        Leg(0.0, self.strain, self.pressure[0]), tuple(legs)),)
 
 
 @dataclass(frozen=True)
-class PressureSweep(Step):
+class PressureSweep:
     """
     The pressures move from one to the next and back: how strain is swept without a dynamometer.
 
@@ -266,13 +247,12 @@ class PressureSweep(Step):
             way = max(abs(a - b) for a, b in zip(before, pressure))
             legs.append(Leg(way / self.rate, self.strain, pressure))
             before = pressure
-        return (Course('pressure sweep up to '
-                       + Leg(0.0, self.strain, _highest(self.pressure)).words,
+        return (Course(f'pressure sweep {_up_to(self.pressure, self.strain)}',
                        Leg(0.0, self.strain, self.pressure[0]), _lasting(legs)),)
 
 
 @dataclass(frozen=True)
-class Pause(Step):
+class Pause:
     """A wait with the muscle vented; a random order exchanges no segments across it."""
 
     time: float
@@ -286,8 +266,10 @@ class Pause(Step):
         return ()
 
 
-STEPS: dict[str, type[Step]] = {step.kind: step for step in (Sweep, Hold, PressureSteps,
-                                                             PressureSweep, Pause)}
+#: A step of an experiment: one course, or one for each of several pressures.
+Step = Sweep | Hold | PressureSteps | PressureSweep | Pause
+#: By the name in a file.
+STEPS: dict[str, type[Step]] = {step.kind: step for step in get_args(Step)}
 
 
 def pressure_words(pressure: Pressures) -> str:
@@ -307,8 +289,11 @@ def alike(first: Pressures, second: Pressures) -> bool:
     return all(abs(a - b) < _ALIKE for a, b in zip(first, second))
 
 
-def _highest(pressures: tuple[Pressures, ...]) -> Pressures:
-    return tuple(map(max, zip(*pressures)))
+def _up_to(pressures: tuple[Pressures, ...], strain: float | None) -> str:
+    """Return the highest pressures, and the strain if it is imposed, in words."""
+    highest = tuple(map(max, zip(*pressures)))
+    return f'up to {pressure_words(highest)}' + (
+        '' if strain is None else f' at strain {strain:.3g}')
 
 
 def _lasting(legs: list[Leg]) -> tuple[Leg, ...]:
@@ -324,7 +309,3 @@ def _positive(kind: str, **values: float) -> None:
 def _several(kind: str, pressure: tuple[Pressures, ...]) -> None:
     if len(pressure) < 2 or all(alike(pressure[0], each) for each in pressure):
         raise InputError(f'{kind}: pressure does not change; expected two or more')
-
-
-def _listed(values: tuple[float, ...]) -> str:
-    return f'[{", ".join(f"{value:g}" for value in values)}]'

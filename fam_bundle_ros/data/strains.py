@@ -1,17 +1,32 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""From a strain, a contraction, an elongation, a displacement or a length to the strain."""
+"""
+From a strain, a contraction, an elongation, a displacement or a length to the strain.
+
+Lengths become strains by the rest length of the muscle, which the user, the file or the model
+tells.
+"""
 
 from __future__ import annotations
 
+from decimal import Decimal
+import re
+from typing import NamedTuple
+
 import numpy as np
 
-from fam_bundle_ros.data import checks
+from fam_bundle_ros.data.cells import numbers
+from fam_bundle_ros.data.checks import partial_correlations
+from fam_bundle_ros.data.column_names import names_rest_length, rest_length_of
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.rest_length import RestLength, without_unit
 from fam_bundle_ros.data.told_columns import Choice
 from fam_bundle_ros.errors import InputError
 
+#: What else a rest length is called above a table.
+_OF_MUSCLE = re.compile('(muscle|actuator|pam|active|gau?ge|specimen|sample)[ _]length|'
+                        '(muskel|einspann|mess)l(\u00e4|ae)nge', re.IGNORECASE)
+#: Rows that show with how many decimals a column is written.
+_SOME = 1000
 #: Partial correlation of force and displacement beyond which the force tells the sign.
 _TELLS = 0.2
 #: A position is a length if its largest is the rest length within this share: no muscle shortens
@@ -21,8 +36,113 @@ _AT_REST = 0.02
 _STRETCHED, _SHORTER = 0.05, 0.02
 
 
+class RestLength(NamedTuple):
+    """
+    The rest length of a muscle, m, by source: the first that is known is used.
+
+    Attributes
+    ----------
+    told : float or None
+        By the user.
+    stated : float or None
+        By the file.
+    model : float or None
+        By the model.
+    """
+
+    told: float | None
+    stated: float | None
+    model: float | None
+
+    @property
+    def used(self) -> float | None:
+        """The length by which lengths become strains."""
+        return self.told or self.stated or self.model
+
+    @property
+    def note(self) -> str:
+        """Where the next source states another length, as lengths are shown; else ''."""
+        other = self.model if self.told is None else self.stated
+        if not self.used or not other:
+            return ''
+        used, shown = f'{1e3 * self.used:.4g} mm', f'{1e3 * other:.4g} mm'
+        if used == shown:
+            return ''
+        words = (f', as the file says; the model has {shown}' if self.told is None else
+                 f'; the file says {shown}')
+        return f'read with a rest length of {used}{words} (--rest-length)'
+
+
+def stated_rest_length(table: Table) -> tuple[float | None, str]:
+    """
+    Return the rest length that a file states, m, and a note on it.
+
+    It stands in a line above the rows or between them, in a column that is constant, or it is the
+    sum of a length and a contraction. None where the file states none; the note is '' unless the
+    lines state several.
+    """
+    said = list(dict.fromkeys(
+        length for line in table.lines
+        if (length := rest_length_of(_OF_MUSCLE.sub('rest length', line))) is not None))
+    if said:
+        shown = ', '.join(f'{1e3 * length:.4g} mm' for length in said)
+        return said[0], '' if len(said) == 1 else (
+            f'several rest lengths in the file: {shown}; the first is taken (--rest-length)')
+    for header, column in table.columns.items():
+        name = f"{header} {table.units.get(header, '')}".strip()
+        if rest_length_of(f'{name}=1') is not None:
+            readings = numbers(column)[0]
+            told = np.unique(readings[np.isfinite(readings)])
+            if len(told) == 1:
+                return rest_length_of(f'{name}={told[0]}'), ''
+    return _sum_of_lengths(table), ''
+
+
+def _without_unit(table: Table) -> list[str]:
+    """Return notes on lines that state a rest length without its unit."""
+    return [f"in the file stands '{line.strip()[:60]}', without a unit: not used (--rest-length)"
+            for line in dict.fromkeys(table.lines) if names_rest_length(line)]
+
+
+def _sum_of_lengths(table: Table) -> float | None:
+    """
+    Return the length, m, that a length and a contraction add up to in all rows, or None.
+
+    The sum is constant to the last digits that both columns show, and to single precision.
+    """
+    parts = {}
+    for header in table.columns:
+        match = table.meaning(header)
+        if match.quantity in ('length', 'contraction') and match.unit and match.unit.like == 'm':
+            parts[match.quantity] = numbers(table.columns[header])[0], match.unit.factor
+    if len(parts) < 2:
+        return None
+    total = np.sum([values * factor for values, factor in parts.values()], axis=0)
+    known = np.isfinite(total)
+    if not known.any():
+        return None
+    middle = float(np.median(total[known]))
+    digits = sum(_last_digit(values[known]) * factor for values, factor in parts.values())
+    rounding = digits + float(np.finfo(np.float32).eps) * abs(middle)
+    return middle if np.abs(total[known] - middle).max() <= rounding else None
+
+
+def _last_digit(values: np.ndarray) -> float:
+    """
+    Return the value of one unit of the last decimal that any of the first readings shows.
+
+    Examples
+    --------
+    >>> _last_digit(np.array([1.5, 2.0, 2.25]))
+    0.01
+    """
+    places = [Decimal(repr(value)).normalize().as_tuple().exponent
+              for value in values[:_SOME].tolist()]
+    return float(10.0 ** min(0, *(place for place in places if isinstance(place, int))))
+
+
 def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarray],
-              pressure: np.ndarray, rest: RestLength, rows: np.ndarray,
+              pressure: np.ndarray, rest: RestLength, rows: np.ndarray, told: bool,
               ) -> tuple[np.ndarray, list[str]]:
     """
     Return the strain, (T,), and notes on it.
@@ -39,19 +159,21 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
     pressure : ndarray, shape (T, n), Pa
     rest : RestLength
     rows : ndarray of int, shape (T,)
+    told : bool
+        Whether the user tells the column, and with it what is positive and where zero is.
 
     Raises
     ------
     InputError
-        For a length without a rest length, and one that does not fit it.
+        For a length without a rest length, one that does not fit it, and a strain that is not
+        told and never is positive.
     """
     given, shown = values[key], choice.header or key
-    in_lengths = choice.unit is not None and choice.unit.like == 'm'
     notes: list[str] = []
     ratio = given
-    if in_lengths:
+    if choice.in_lengths:
         if rest.told is None and rest.stated is None:
-            notes += without_unit(table)
+            notes += _without_unit(table)
         if rest.used is None:
             longest = (f'; the longest here is {1e3 * np.nanmax(given):.4g} mm'
                        if key == 'length' else '')
@@ -60,31 +182,27 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
                 f'make one (--rest-length, rest_length, or a model){longest}')
         notes += filter(None, [rest.note])
         ratio = given / rest.used
-    if key == 'shift' and in_lengths and abs(np.nanmax(ratio, initial=0.0) - 1.0) < _AT_REST:
+    if key == 'shift' and choice.in_lengths and (
+            abs(np.nanmax(ratio, initial=0.0) - 1.0) < _AT_REST):
         key, choice.why = 'length', 'a length: its largest is the rest length'
     if key == 'length':
-        choice.is_length = True
         return 1.0 - ratio, notes + _length_notes(table.name, choice, ratio, rest, rows)
     if key == 'shift':
         notes += _set_sign(choice, ratio, pressure, values['force'])
         ratio = ratio * choice.sign
-    return ratio, notes + _range_notes(shown, ratio, in_lengths, key == 'shift') + (
-        _percent_notes(shown, choice, given))
+    if not told:
+        _refuse_longer(table, choice, ratio, rest)
+    return ratio, [*notes, *_range_notes(shown, ratio, choice.in_lengths, key == 'shift'),
+                   *_percent_notes(shown, choice, given)]
 
 
-def refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLength) -> None:
-    """
-    Raise InputError where the muscle is stretched, by more than 5 %, and never shorter.
-
-    Lengths have no sign that may be wrong: `strain_of` gives a note on them.
-    """
+def _refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLength) -> None:
+    """Raise InputError where the muscle is stretched, by more than 5 %, and never shorter."""
     known = strain[np.isfinite(strain)]
-    if choice.is_length or not len(known) or known.min() > -_STRETCHED or known.max() > _SHORTER:
+    if not len(known) or known.min() > -_STRETCHED or known.max() > _SHORTER:
         return
     names = ['contraction', 'elongation'][::choice.sign]
-    size = f'{-known.min():.4g}'
-    if rest.used and choice.unit is not None and choice.unit.like == 'm':
-        size = f'{-1e3 * rest.used * known.min():.4g} mm'
+    size = _size(-known.min(), choice, rest)
     header = choice.header or ''
     column = header if table.unit_text(header) or choice.unit is None else (
         f'{header} [{choice.unit.text}]')
@@ -109,13 +227,18 @@ def _length_notes(name: str, choice: Choice, share: np.ndarray, rest: RestLength
     if longest < 0.9:
         return [f'never longer than {longest:.2f} of the rest length']
     if longest > 1.0 + _STRETCHED:
-        off = f'{longest - 1.0:.4g}'
-        if rest.used and choice.unit is not None and choice.unit.like == 'm':
-            off = f'{1e3 * rest.used * (longest - 1.0):.4g} mm'
+        off = _size(longest - 1.0, choice, rest)
         return [f"by '{choice.header}' the muscle is stretched, up to {longest:.2f} of the rest "
                 'length: expected the length without fittings; --columns '
                 f'"length={choice.header} - {off}" takes them off']
     return []
+
+
+def _size(share: float, choice: Choice, rest: RestLength) -> str:
+    """Return a share of the rest length as it is told, in mm where the column has lengths."""
+    if rest.used and choice.in_lengths:
+        return f'{1e3 * rest.used * share:.4g} mm'
+    return f'{share:.4g}'
 
 
 def _range_notes(shown: str, ratio: np.ndarray, in_lengths: bool, is_shift: bool) -> list[str]:
@@ -151,8 +274,7 @@ def _set_sign(choice: Choice, ratio: np.ndarray, pressure: np.ndarray, force: np
     follows the pressure, which shortens it. Returns a note where neither is seen.
     """
     rows = np.isfinite(ratio) & np.isfinite(force) & np.isfinite(pressure).all(axis=1)
-    along, _, follows = checks.partial_correlations(
-        ratio[rows], pressure[rows].sum(-1), force[rows])
+    along, _, follows = partial_correlations(ratio[rows], pressure[rows].sum(-1), force[rows])
     longer = along > _TELLS or follows < 0.0
     choice.sign, notes = -1 if longer else 1, []
     if abs(along) > _TELLS or follows:

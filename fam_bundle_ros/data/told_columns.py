@@ -48,8 +48,6 @@ class Choice:
         What header and unit say of a pressure.
     why : str
         Where it comes from, in words.
-    is_length : bool
-        Its readings are lengths, not changes of one: known once the strain is.
     """
 
     header: str | None
@@ -59,7 +57,11 @@ class Choice:
     value: float = 0.0
     absolute: bool | None = None
     why: str = ''
-    is_length: bool = False
+
+    @property
+    def in_lengths(self) -> bool:
+        """Whether readings are in m, and no ratios."""
+        return self.unit is not None and self.unit.like == 'm'
 
 
 def with_sums(table: Table, told: Mapping[str, str]) -> Table:
@@ -79,8 +81,7 @@ def with_sums(table: Table, told: Mapping[str, str]) -> Table:
         one, other = (_header(table, parts[at])[0] for at in (1, 3))
         if not one or not other or is_text(columns[one]) or is_text(columns[other]):
             continue
-        unit, second = (table.unit_text(header)
-                        for header in (one, other))
+        unit, second = table.unit_text(one), table.unit_text(other)
         if unit != second:
             raise InputError(f"{table.name}: '{one}' is in {unit}, '{other}' in {second}; "
                              'expected one unit')
@@ -140,27 +141,28 @@ def name_of(header: str) -> str:
 
 def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Choice | None:
     """Return the choice of a column, its unit as given, told, or as the header says."""
-    for sign, words in ((1, text), (-1, text[1:].strip() if text.startswith('-') else '')):
-        header, unit_text = _header(table, words)
-        if not header:
-            continue
-        match = table.meaning(header)
-        if unit is None:
-            unit = match.unit
-            if unit_text is None and (unit is None or unit.like not in likes(base)):
-                unit_text = table.units.get(header) or _bracketed(header)
-                # what stands in round brackets may be a remark
-                said = table.unit_text(header)
-                unit = unit_for(base, said) if said else None
-            if unit_text is not None and base != 'trial':
-                unit = _fitting(table, base, unit_text, header)
-            if unit is not None and base != 'trial' and unit.like not in likes(base):
-                unit = None
-        absolute = match.absolute if unit is None or unit.absolute is None else unit.absolute
-        # an elongation lengthens the muscle: its sign is turned for a strain
-        sign = -sign if base == 'elongation' else sign
-        return Choice(header, unit, sign, absolute=absolute, why='as told')
-    return None
+    (header, unit_text), sign = _header(table, text), 1
+    if not header and text.startswith('-'):
+        (header, unit_text), sign = _header(table, text[1:].strip()), -1
+    if not header:
+        return None
+    match = table.meaning(header)
+    if unit is None:
+        unit = match.unit
+        if unit_text is None and (unit is None or unit.like not in likes(base)):
+            square = re.search(r'\[([^\[\]]*)\]\s*$', header)
+            unit_text = table.units.get(header) or (square and square[1])
+            # what stands in round brackets may be a remark
+            said = table.unit_text(header)
+            unit = unit_for(base, said) if said else None
+        if unit_text is not None and base != 'trial':
+            unit = _fitting(table, base, unit_text, header)
+        if unit is not None and base != 'trial' and unit.like not in likes(base):
+            unit = None
+    absolute = match.absolute if unit is None or unit.absolute is None else unit.absolute
+    # an elongation lengthens the muscle: its sign is turned for a strain
+    sign = -sign if base == 'elongation' else sign
+    return Choice(header, unit, sign, absolute=absolute, why='as told')
 
 
 def _worth(table: Table, base: str, told: re.Match[str]) -> Unit:
@@ -209,10 +211,12 @@ def _header(table: Table, words: str) -> tuple[str, str | None]:
     name, unit = (match[1], match[2]) if match else (same, None)
     if name in headers:
         return name, unit
-    for plain, wanted in ((str.casefold, same), (_without_brackets, name)):
-        alike = [header for header in headers if plain(header) == plain(wanted)]
+    # the whole header in another case, or its name without the unit in brackets
+    for plain, wanted, own in ((str, same, None), (name_of, name, unit)):
+        alike = [header for header in headers
+                 if plain(header).casefold() == plain(wanted).casefold()]
         if len(alike) == 1:
-            return alike[0], unit if plain is _without_brackets else None
+            return alike[0], own
         if len(alike) > 1:
             raise InputError(f"{table.name}: '{words}' may be "
                              f"{' or '.join(repr(header) for header in alike)}; expected the "
@@ -221,12 +225,3 @@ def _header(table: Table, words: str) -> tuple[str, str | None]:
     if number and 1 <= int(number[1]) <= len(headers):
         return headers[int(number[1]) - 1], unit
     return '', None
-
-
-def _bracketed(header: str) -> str | None:
-    match = re.search(r'\[([^\[\]]*)\]\s*$', header)
-    return match[1] if match else None
-
-
-def _without_brackets(header: str) -> str:
-    return name_of(header).casefold()

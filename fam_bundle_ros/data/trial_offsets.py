@@ -7,13 +7,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtri
 
-from fam_bundle_ros.data.grouping import pressure_levels, pressure_speed
+from fam_bundle_ros.data.grouping import earlier, pressure_levels, pressure_speed, visit_cells
 from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
 from fam_bundle_ros.data.rates import FALSE_ALARM
 
 #: Speeds that differ by less than this in the natural logarithm are one, as for the discrepancy.
 _ONE_SPEED = 1.0
+#: Largest lag of an autocorrelation, in samples.
+_LONGEST = 400
 
 
 class Offsets(NamedTuple):
@@ -33,24 +36,20 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     Trials are compared only where they met the same strain, pressure and direction at about the
     same speed, so that no error of a model can pass for an offset: a two-way analysis of variance
     with cells and trials, the noise counted by its independent samples. In a map without trials,
-    where each repeat is a block of the file, blocks are the trials.
-
-    Parameters
-    ----------
-    values : ndarray, shape (T,), N
-        Measured minus modelled force.
+    where each repeat is a block of the file, blocks are the trials. Values are measured minus
+    modelled forces, (T,), N.
     """
-    from scipy import stats
-
-    from fam_bundle_ros.data.noise import autocorrelation_time, visit_cells
     if measurement.is_static:
-        cell = _cells_of_a_map(measurement)
-        trial = measurement.trial if len(measurement.trial_names) > 1 else _repeats(cell)
+        cell, trial = _cells_of_a_map(measurement), measurement.trial
+        if len(measurement.trial_names) == 1:  # repeats, if they are whole blocks
+            trial = earlier(cell)
+            if (np.diff(trial) < 0).any():
+                return None
     else:
         trial = measurement.trial
         cell = np.unique(np.stack([visit_cells(measurement)[0], _speeds(measurement)]), axis=1,
                          return_inverse=True)[1].ravel()
-    if trial is None or trial.max() < 1:
+    if trial.max() < 1:
         return None
     count = np.bincount(cell)
 
@@ -72,7 +71,7 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
     between = float(y @ y - left @ left) / rank
     # a sum over correlated samples has tau times the variance
     noise = float(left[shared] @ left[shared]) / free
-    if between < noise * stats.f.ppf(1.0 - FALSE_ALARM, rank, free):
+    if between < noise * fdtri(rank, free, 1.0 - FALSE_ALARM):
         return None
     size = float(np.sqrt(offset @ offset / rank))
     if size < RESOLUTION * np.abs(measurement.force).max():
@@ -104,10 +103,32 @@ def _cells_of_a_map(measurement: Measurement) -> np.ndarray:
     return np.unique(np.stack([strain, *levels, way], -1), axis=0, return_inverse=True)[1].ravel()
 
 
-def _repeats(cell: np.ndarray) -> np.ndarray | None:
-    """Return the number of earlier rows in the same cell, if repeats are whole blocks."""
-    order = np.argsort(cell, kind='stable')
-    first = np.flatnonzero(np.diff(cell[order], prepend=-1))
-    count = np.empty(len(cell), int)
-    count[order] = np.arange(len(cell)) - np.repeat(first, np.diff(np.append(first, len(cell))))
-    return count if np.all(np.diff(count) >= 0) else None
+def autocorrelation_time(residual: np.ndarray, trial: np.ndarray) -> float:
+    """
+    Return how many samples make one independent sample: 1 + 2 sum of autocorrelations.
+
+    The sum stops at the first pair of lags that is not positive (Geyer). At least 1.
+    """
+    values = residual - residual.mean()
+    parts = np.split(values, np.flatnonzero(np.diff(trial)) + 1)
+    lags = min(_LONGEST, max(len(values) // 4, 2))
+    total, weight = np.zeros(lags), np.zeros(lags)
+    for part in parts:
+        n = len(part)
+        if n < 4:
+            continue
+        size = 1 << int(np.ceil(np.log2(2 * n)))
+        spectrum = np.fft.rfft(part, size)
+        auto = np.fft.irfft(spectrum * np.conj(spectrum), size)[:min(n, lags)]
+        total[:len(auto)] += auto
+        weight[:len(auto)] += n - np.arange(len(auto))
+    if total[0] <= 0:
+        return 1.0
+    rho = (total / np.maximum(weight, 1)) / (total[0] / weight[0])
+    tau = 1.0
+    for k in range(1, lags - 1, 2):
+        pair = rho[k] + rho[k + 1]
+        if pair <= 0:
+            break
+        tau += 2.0 * pair
+    return float(max(tau, 1.0))

@@ -119,7 +119,12 @@ def _factor(text: str, like: str) -> float | None:
         return None
 
 
+def unbracketed(cell: str) -> str:
+    """Return the unit that a cell holds, without the brackets around it."""
+    return cell.strip().strip('[](){}<>')
+
+
 def is_unit(text: str) -> bool:
     """Return whether a cell of a row of units holds a unit, with or without brackets."""
-    plain = half_width(text).strip().strip('[](){}<>')
+    plain = unbracketed(half_width(text))
     return any(unit_of(plain, like) is not None for like in _UNITS)

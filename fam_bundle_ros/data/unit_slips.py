@@ -22,12 +22,14 @@ _PRESSURES = (
     (100.0, 'with pressures in bar, not in kPa'), (0.01, 'with pressures in kPa, not in bar'))
 #: Pa: where the lowest pressure is above this the gauge may show absolute pressure.
 _NEVER_VENTED = 85e3
+#: Pa: taken off absolute pressures.
+_AMBIENT = 101325.0
 #: A slip is reported if the error falls to less than these shares of itself, and of the force.
 _BETTER, _GOOD = 0.4, 0.25
 
 
 def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
-          residual: np.ndarray, *, ambient_pressure: float = 101325.0) -> tuple[str, ...]:
+          residual: np.ndarray) -> tuple[str, ...]:
     """
     Return what the data were probably meant to be, in words; empty where they fit as they are.
 
@@ -38,13 +40,12 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
     data : Measurement
     residual : ndarray, shape (T,), N
         Measured minus modelled force.
-    ambient_pressure : float, Pa
     """
     prediction = data.force - residual
     tries = [(rms(factor * data.force - prediction), rms(factor * data.force), words)
              for factor, words in _FORCES]
     if data.pressure.min() > _NEVER_VENTED:
-        vented = replace(data, pressure=data.pressure - ambient_pressure)
+        vented = replace(data, pressure=data.pressure - _AMBIENT)
         tries.append((rms(data.force - predict(vented)), rms(data.force),
                       'with pressures that are absolute, not gauge'))
     now = rms(residual)

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.rates import begins, FALSE_ALARM
@@ -73,7 +73,7 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
         return None
     left = max(total - height, np.finfo(float).eps * total)
     ratio = height / (2 * len(trials)) / (left / free)
-    chance = f_distribution.sf(ratio, 2 * len(trials), free)
+    chance = fdtrc(2 * len(trials), free, ratio)
     if len(frequency) / _PADDED * chance > FALSE_ALARM:
         return None
     place = _share_of_place(measurement.select(rows), y[rows])

@@ -23,9 +23,10 @@ from fam_bundle_ros.data.grouping import (
     rms,
     strain_bins,
     varying_unit,
+    visit_cells,
 )
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import NoiseFloor, visit_cells
+from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.unit_slips import slips
 from fam_bundle_ros.discovery.floor import floor_of

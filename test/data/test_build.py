@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement
-from fam_bundle_ros.data.checks import spread_stamps
 from fam_bundle_ros.data.measurement import build, BY_PRESSURE, BY_STRAIN, REST
 from fam_bundle_ros.data.rates import signal_step
+from fam_bundle_ros.data.trials import spread_stamps
 from fam_bundle_ros.errors import InputError
 
 

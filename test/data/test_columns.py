@@ -367,14 +367,6 @@ def test_a_strain_out_of_range_is_told_in_the_unit_of_its_column(log):
         read_measurement(table(log, strain=('strain [%]', 800.0 * strain)))
 
 
-@pytest.mark.parametrize(('quantity', 'like'), [('pressure', 'Pa'), ('strain', '1'),
-                                                ('force', 'N')])
-def test_units_that_are_guessed_are_those_units(quantity, like):
-    """The factors that a suggestion is tried with are those of the units."""
-    for unit, factor in checks._GUESSES[quantity]:
-        assert factor == pytest.approx(si_factor(unit, like), rel=1e-5), unit
-
-
 def test_signs_do_not_depend_on_where_zero_is(log):
     """A correlation at equal pressure is that of the changes."""
     _, strain, pressure, force = log

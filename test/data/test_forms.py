@@ -79,6 +79,7 @@ HOSTILE = {
     'pickle': b'\x80\x04\x95' + b'x' * 50, 'commas': b',,,,\n' * 50, 'blank': b'\r\n' * 500,
     'one column': b''.join(b'%d\n' % k for k in range(500)), 'one number': b'7',
     'header': HEAD.encode(), 'long line': b'1,2,3,4,' * 50_000, 'mark alone': b'\xff\xfe',
+    'mark of UTF-16 before ASCII': b'\xff\xfe' + b'1,2\n' * 500,
     'bag': b'\x89MCAP0\r\n' + b'x' * 50,
 }
 

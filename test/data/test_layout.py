@@ -4,7 +4,7 @@
 
 import pytest
 
-from fam_bundle_ros.data.cell_text import (
+from fam_bundle_ros.data.cells import (
     in_groups,
     is_blank,
     is_number,

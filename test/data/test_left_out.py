@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement
-from fam_bundle_ros.data.cell_text import BLANKS
+from fam_bundle_ros.data.cells import BLANKS
 from fam_bundle_ros.errors import InputError
 
 from .library_forms import frame

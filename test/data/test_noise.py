@@ -7,16 +7,15 @@ import pytest
 from scipy.signal import lfilter
 
 from fam_bundle_ros.data import noise_floor
+from fam_bundle_ros.data.grouping import visit_cells
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.noise import (
     _chance_of_less,
     _chosen,
-    autocorrelation_time,
     force_step,
     second_differences,
-    visit_cells,
 )
-from fam_bundle_ros.data.trial_offsets import trial_offsets
+from fam_bundle_ros.data.trial_offsets import autocorrelation_time, trial_offsets
 
 
 def stepped(data, step):

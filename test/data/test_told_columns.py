@@ -9,14 +9,10 @@ from fam_bundle_ros.data import preview, read_measurement, taken_words
 from fam_bundle_ros.data.recipe import load_recipe, Recipe, recipe_of, save_recipe
 from fam_bundle_ros.errors import InputError
 
+from .test_columns import table
+
 CALIBRATION = {'pressure': 'AI0 [V] * 200 kPa', 'force': 'AI1 * 50 N - 5 N',
                'contraction': 'AI2 * 0.025 mm - 10 mm'}
-
-
-def written(log, force):
-    """Return the log as columns, the force under this header."""
-    time, strain, pressure, values = log
-    return {'time [s]': time, 'strain': strain, 'pressure [kPa]': pressure / 1e3, force: values}
 
 
 @pytest.fixture
@@ -32,7 +28,7 @@ def volts(log):
     ({'force': '-Kanal 3'}, -1.0), ({'force': '4'}, 1.0)])
 def test_columns_can_be_told(log, columns, right):
     """By header, with a unit, with the sign turned, or by number."""
-    data = read_measurement(written(log, 'Kanal 3'), columns=columns)
+    data = read_measurement(table(log, force=('Kanal 3', log[3])), columns=columns)
     assert np.allclose(data.force, right * log[3])
 
 
@@ -40,25 +36,22 @@ def test_columns_can_be_told(log, columns, right):
     ('Kanal 2 (bar)', ''), ('Kanal 2 (Ventil)', 'bar guessed, no unit given')])
 def test_a_unit_in_round_brackets_is_one_if_it_fits(log, header, why):
     """Otherwise it is a remark."""
-    time, strain, pressure, force = log
-    data = read_measurement({'time [s]': time, 'strain': strain, header: pressure / 1e5,
-                             'force [N]': force}, columns={'pressure': header})
-    assert np.allclose(data.pressure[:, 0], pressure)
+    data = read_measurement(table(log, pressure=(header, log[2] / 1e5)),
+                            columns={'pressure': header})
+    assert np.allclose(data.pressure[:, 0], log[2])
     assert why == next(taken.why for taken in data.taken if taken.header == header)
 
 
 def test_a_told_column_without_a_unit_has_the_only_one_that_fits(log):
     """A strain up to 20 is in percent, which no header says."""
-    time, strain, pressure, force = log
-    data = read_measurement({'time [s]': time, 'Kanal 1': 100.0 * strain,
-                             'pressure [kPa]': pressure / 1e3, 'force [N]': force},
+    data = read_measurement(table(log, strain=('Kanal 1', 100.0 * log[1])),
                             columns={'strain': 'Kanal 1'})
-    assert np.allclose(data.strain, strain)
+    assert np.allclose(data.strain, log[1])
 
 
 def test_what_is_told_counts_more_than_what_would_be_recognised(log):
     """A told column is used though another has the plainer name."""
-    more = {**written(log, 'force [N]'), 'Kanal 3': 2.0 * log[3], 'L [mm]': log[1]}
+    more = {**table(log), 'Kanal 3': 2.0 * log[3], 'L [mm]': log[1]}
     data = read_measurement(more, columns={'force': 'Kanal 3 [N]', 'strain': 'strain'})
     assert np.allclose(data.force, 2.0 * log[3])
     assert "'force [N]' (force was told)" in taken_words(data)
@@ -91,30 +84,28 @@ def test_a_calibration_per_volt_fits_a_column_in_millivolts(log, volts):
                          rest_length='250 mm')
 
 
-@pytest.mark.parametrize(('told', 'shift'), [
-    ({'contraction': 'position [mm] - 12 mm'}, 1.0),
-    ({'contraction': '-back [mm] + 88 mm'}, 1.0),
-    ({'elongation': 'longer [mm] + 2 cm'}, 1.0),
-    ({'length': 'calliper [mm] + 30 mm'}, 1.0)])
-def test_a_position_may_count_from_anywhere(log, told, shift):
+@pytest.mark.parametrize('told', [
+    {'contraction': 'position [mm] - 12 mm'}, {'contraction': '-back [mm] + 88 mm'},
+    {'elongation': 'longer [mm] + 2 cm'}, {'length': 'calliper [mm] + 30 mm'}])
+def test_a_position_may_count_from_anywhere(log, told):
     """Its offset is subtracted or added, also with a reversed sign."""
     position = 250.0 * log[1]
-    columns = {'time [s]': log[0], 'pressure [kPa]': log[2] / 1e3, 'force [N]': log[3],
-               'position [mm]': position + 12.0, 'back [mm]': 88.0 - position,
-               'longer [mm]': -position - 20.0, 'calliper [mm]': 220.0 - position}
+    columns = {**table(log, strain=None), 'position [mm]': position + 12.0,
+               'back [mm]': 88.0 - position, 'longer [mm]': -position - 20.0,
+               'calliper [mm]': 220.0 - position}
     assert np.allclose(read_measurement(columns, columns=told, rest_length=0.25).strain, log[1])
 
 
 def test_a_zero_in_another_unit_than_its_column_is_refused(log):
     """An offset in mm on a strain in percent is refused."""
-    columns = {**written(log, 'force [N]'), 'epsilon [%]': 100 * log[1]}
+    columns = {**table(log), 'epsilon [%]': 100 * log[1]}
     with pytest.raises(InputError, match="'epsilon .%.' is in %, and mm is added; expected units"):
         read_measurement(columns, columns={'strain': 'epsilon [%] - 3 mm'}, rest_length=0.25)
     with pytest.raises(InputError, match="unit 'kPa' does not fit; expected a unit like N"):
         read_measurement(columns, columns={'force': 'force - 3 kPa'})
 
 
-def test_a_calibration_goes_into_a_recipe_and_comes_back(log, volts, tmp_path):
+def test_a_calibration_goes_into_a_recipe_and_comes_back(volts, tmp_path):
     """The recipe saves the user's words."""
     told = Recipe(CALIBRATION, rest_length=0.25)
     data = read_measurement(volts, recipe=told)
@@ -135,5 +126,5 @@ def test_a_column_in_volts_asks_for_its_calibration(volts):
 
 def test_a_header_that_looks_like_a_calibration_is_a_header(log):
     """A column 'F - 2 N' is found by its name before anything is taken off."""
-    columns = {**written(log, 'F - 2 N'), 'F': 7.0 + log[3]}
+    columns = {**table(log, force=('F - 2 N', log[3])), 'F': 7.0 + log[3]}
     assert np.allclose(read_measurement(columns, columns={'force': 'F - 2 N'}).force, log[3])

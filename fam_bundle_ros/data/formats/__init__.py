@@ -9,6 +9,7 @@ The content tells the format, not the ending: what looks like a workbook is read
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from fam_bundle_ros.data.formats import arrays, labview, matlab, text, workbook
@@ -37,8 +38,8 @@ _REFUSED = (
 _READERS: tuple[tuple[bytes, Callable[..., Table]], ...] = (
     (b'PK\x03\x04', workbook.read_zip), (b'TDSm', labview.read_tdms),
     (b'MATLAB 5.0 MAT-file', matlab.read_mat), (b'MATLAB 7.3 MAT-file', matlab.read_hdf),
-    (b'\x89HDF\r\n\x1a\n', matlab.read_hdf), (b'PAR1', arrays.read_parquet),
-    (b'ARROW1', arrays.read_feather), (b'\x93NUMPY', arrays.read_npy),
+    (b'\x89HDF\r\n\x1a\n', matlab.read_hdf), (b'PAR1', partial(arrays.read_arrow, kind='parquet')),
+    (b'ARROW1', partial(arrays.read_arrow, kind='feather')), (b'\x93NUMPY', arrays.read_npy),
 )
 
 
@@ -77,9 +78,9 @@ def read_table(path: Path, sheet: str | None = None, drop_bad: bool = False) -> 
         if head.startswith(magic):
             return reader(path, sheet)
     if head.lstrip(b'\xef\xbb\xbf').startswith(b'LabVIEW Measurement'):
-        return labview.read_lvm(path, sheet)
+        return labview.read_lvm(path)
     if path.suffix.lower() == '.mat':  # version 4 has no mark
         return matlab.read_mat(path, sheet)
     if path.suffix.lower() in ('.json', '.jsonl', '.ndjson'):
-        return arrays.read_json(path, sheet)
+        return arrays.read_json(path)
     return text.read_text(path, drop_bad)

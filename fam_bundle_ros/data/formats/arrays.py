@@ -22,17 +22,8 @@ from fam_bundle_ros.extras import library
 _ARRAY = 16
 
 
-def read_parquet(path: Path, sheet: str | None = None) -> Table:
-    """Return the table of a parquet file; fields may carry a unit in their metadata."""
-    return _of_arrow(path, 'parquet')
-
-
-def read_feather(path: Path, sheet: str | None = None) -> Table:
-    """Return the table of a feather (Arrow) file."""
-    return _of_arrow(path, 'feather')
-
-
-def _of_arrow(path: Path, kind: str) -> Table:
+def read_arrow(path: Path, sheet: str | None = None, *, kind: str) -> Table:
+    """Return the table of a 'parquet' or 'feather' file; fields may carry a unit in metadata."""
     pyarrow, reader, _ = (library(module, f'{path.name}: reading it')
                           for module in ('pyarrow', f'pyarrow.{kind}', 'pandas'))
     units = {}
@@ -49,14 +40,12 @@ def _of_arrow(path: Path, kind: str) -> Table:
 def of_frame(frame: Any, name: str, kind: str = 'frame',
              units: Mapping[str, str] | None = None) -> Table:
     """Return the table of a pandas frame; an index with a name, or of times, is a column."""
-    index = getattr(frame, 'index', None)
-    if index is not None and (getattr(index, 'name', None) or getattr(
-            getattr(index, 'dtype', None), 'kind', '') in 'mM'):
-        frame = frame.rename_axis(index.name or 'time').reset_index()
+    if frame.index.name or frame.index.dtype.kind in 'mM':
+        frame = frame.rename_axis(frame.index.name or 'time').reset_index()
     return Table(name, kind, plain_columns(frame), units or {})
 
 
-def read_npz(path: Path, sheet: str | None = None) -> Table:
+def read_npz(path: Path) -> Table:
     """Return the table of an .npz: its arrays of equal length."""
     with reading_as(path, 'an .npz without objects'), np.load(path, allow_pickle=False) as packed:
         values = {name: packed[name] for name in packed.files}
@@ -72,7 +61,7 @@ def read_npy(path: Path, sheet: str | None = None) -> Table:
     return of_arrays(path.name, '.npy', {'column': values})
 
 
-def read_json(path: Path, sheet: str | None = None) -> Table:
+def read_json(path: Path) -> Table:
     """Return the table of a JSON file: lists by name, or a list of records."""
     pandas = library('pandas', f'{path.name}: reading it')
     expected = ValueError, TypeError, AttributeError, RecursionError

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import re
 from typing import NamedTuple
 
@@ -95,7 +95,7 @@ def says_time(header: str, unit: str = '') -> bool:
                 ) or bool(unit) and not re.search('[a-zA-Z]', name)
 
 
-def nearest(order: list[str], clocks: list[str]) -> dict[str, str]:
+def nearest(order: Sequence[str], clocks: Sequence[str]) -> dict[str, str]:
     """Return for each header the next clock on its left; those left of all clocks have none."""
     found, clock = {}, ''
     for header in order:
@@ -109,12 +109,8 @@ def rises(column: np.ndarray, restarts: bool = False) -> bool:
     """
     Return whether each of three or more readings is above the one before.
 
-    Parameters
-    ----------
-    column : ndarray, shape (T,)
-    restarts : bool
-        It may go back, to nearer the start of what it rose through than its end, as a clock does
-        that restarts with each trial.
+    With ``restarts`` it may go back, to nearer the start of what it rose through than its end, as
+    a clock does that restarts with each trial.
 
     Examples
     --------

@@ -9,23 +9,26 @@ import csv
 import re
 from typing import NamedTuple
 
-from fam_bundle_ros.data.cell_text import in_groups, is_number, is_reading
+from fam_bundle_ros.data.cells import in_groups, is_number, is_reading
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats import layout
 from fam_bundle_ros.errors import InputError
 
 #: Separator of tables whose columns are separated by blanks.
 BLANK = r'\s+'
-_SEPARATORS = (',', ';', '\t', '|', BLANK)
+_SIGNS = ',', ';', '\t', '|'
 _COMMENTS = ('#', '%', '//', '!')
 
 
 class Dialect(NamedTuple):
-    """How a text table is written."""
+    """How a text table is written: signs, number of columns, their names and units, a note."""
 
     separator: str
     decimal: str
-    layout: layout.Layout
+    width: int
+    names: list[str]
+    units: dict[str, str]
+    note: str
 
     @property
     def words(self) -> str:
@@ -47,14 +50,13 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
     odd = sum(not (ch.isprintable() or ch.isspace()) for line in head for ch in line)
     if odd > 0.02 * sum(map(len, head)):
         raise InputError(f'{name}: not a text file; expected a table with a header')
-    dialect, line_at = _separated(name, head)
-    separator = dialect.separator
-    width = max([dialect.layout.width, *_named_columns(head[:line_at], separator)])
+    separator, decimal, width, line_at = _separated(name, head)
+    width = max([width, *_named_columns(head[:line_at], separator)])
     rows = [split(line, separator) for line in head[line_at:] if line.strip()]
     if {len(row) for row in rows} == {width + 1} and layout.counts_rows(rows) and any(
             row[-1] for row in rows):
         width += 1  # row names without a name, and remarks that are mostly blank
-    above, cells = _lines_of_names(head[:line_at], dialect, width)
+    above, cells = _lines_of_names(head[:line_at], separator, width)
     names, units, last = layout.find_names(cells, width)
     named, note = sum(not cell.startswith('column ') for cell in names), ''
     if named == width - 1 and names[-1] == f'column {width}':
@@ -67,18 +69,21 @@ def sniff(name: str, head: list[str]) -> tuple[Dialect, int]:
                          'points for decimals, or quotes about each cell, where commas part cells')
     below = [i for i in range(above[last] + 1 if last >= 0 else line_at, line_at)
              if head[i].strip() and not is_comment(head[i])]
-    bad = layout.with_bad_cells([split(head[i], separator) for i in below], width,
-                                dialect.decimal)
-    found = layout.Layout(names, units, dialect.layout.first, width, note)
-    return dialect._replace(layout=found), min([line_at, *below[len(below) - bad:]])
+    bad = layout.with_bad_cells([split(head[i], separator) for i in below], width, decimal)
+    return (Dialect(separator, decimal, width, names, units, note),
+            min([line_at, *below[len(below) - bad:]]))
 
 
-def _separated(name: str, head: list[str]) -> tuple[Dialect, int]:
-    """Return separator and decimal sign with which most cells are readings, and the first row."""
+def _separated(name: str, head: list[str]) -> tuple[str, str, int, int]:
+    """
+    Return separator and decimal sign with which most cells are readings.
+
+    And the number of columns, and the index of the first line of data.
+    """
     plain = [(i, line) for i, line in enumerate(head) if line.strip() and not is_comment(line)]
     quoted = any('"' in line for _, line in plain)
     highest, best = 0.0, None
-    for separator in _SEPARATORS:
+    for separator in (*_SIGNS, BLANK):
         if separator == BLANK and highest >= 3.0:
             break  # blanks also separate the words of a note
         grid = [split(line, separator) for _, line in plain]
@@ -94,8 +99,7 @@ def _separated(name: str, head: list[str]) -> tuple[Dialect, int]:
             score = readings / max(len(rows), len(grid) // 2) + 0.5 * _decimals(rows, decimal)
             if score > highest:
                 highest = score
-                best = Dialect(separator, decimal, layout.Layout([], {}, first, width)), (
-                    plain[first][0])
+                best = separator, decimal, width, plain[first][0]
     if best is not None:
         return best
     if len(plain) == 1 and any(ch.isalpha() for ch in plain[0][1]):
@@ -107,12 +111,12 @@ def _separated(name: str, head: list[str]) -> tuple[Dialect, int]:
                      'force')
 
 
-def _lines_of_names(above: list[str], dialect: Dialect, width: int,
+def _lines_of_names(above: list[str], separator: str, width: int,
                     ) -> tuple[list[int], list[list[str]]]:
     """Return which of the lines above the data may hold names or units, and their cells."""
     filled = [i for i, line in enumerate(above) if line.strip()]
-    cells = {i: _header_cells(above[i], dialect, width) for i in filled}
-    own = {i: len(split(above[i], dialect.separator)) for i in filled}
+    cells = {i: _header_cells(above[i], separator, width) for i in filled}
+    own = {i: len(split(above[i], separator)) for i in filled}
     if any(own[i] == width and layout.may_name(cells[i], width) for i in filled
            if not is_comment(above[i])):
         # beside a row of names a title, or a comment that is no row of units, is a note about them
@@ -150,22 +154,19 @@ def split(line: str, separator: str) -> list[str]:
         return [cell.strip().strip('"') for cell in line.split(separator)]
 
 
-def _header_cells(line: str, dialect: Dialect, width: int) -> list[str]:
+def _header_cells(line: str, separator: str, width: int) -> list[str]:
     """Return the cells of a line above the data, also of a comment or with another separator."""
     text = line.strip('\r\n')
-    for sign in _COMMENTS if is_comment(text) else ():
-        if text.lstrip().startswith(sign):
-            text = text.lstrip().lstrip(sign)
-            break
-    separators = [dialect.separator] if dialect.separator != BLANK else []
-    tries = [split(text, separator) for separator in separators]
-    tries += [split(text, separator) for separator in (',', ';', '\t', '|')
-              if separator not in separators]
+    if is_comment(text):
+        text = text.lstrip()
+        text = text.lstrip(next(sign for sign in _COMMENTS if text.startswith(sign)))
+    signs = sorted(_SIGNS, key=lambda sign: sign != separator)
+    tries = [split(text, sign) for sign in signs]
     # blanks: two or more part the names, or one where brackets keep a unit with its name
     tries.append(list(re.split(r'\s{2,}|\t', text.strip())))
     tries.append(re.findall(r'[^\s\[({]+(?:\s*[\[({][^\])}]*[\])}])?|[\[({][^\])}]*[\])}]',
                             text))
-    if dialect.separator == BLANK:
+    if separator == BLANK:
         tries.append([cell.strip('"') for cell in text.split()])
     # a column of row names may have no name: then there is one name less
     fitting = [cells for cells in tries[:1] if len(layout.trimmed(cells)) == width - 1 > 1]

@@ -23,11 +23,16 @@ def encoding_of(path: Path) -> str:
     for offset, name in ((1, 'utf-16-le'), (0, 'utf-16-be')):
         if len(head) > 8 and head[offset:4096:2].count(0) > 0.4 * len(head[offset:4096:2]):
             return name
+    return 'utf-8' if _decodes(head, 'utf-8') else _of_bytes(head)
+
+
+def _decodes(head: bytes, name: str) -> bool:
+    """Return whether bytes are text of an encoding; the last letter may be cut."""
     try:
-        codecs.getincrementaldecoder('utf-8')().decode(head)
+        codecs.getincrementaldecoder(name)().decode(head)
     except UnicodeDecodeError:
-        return _of_bytes(head)
-    return 'utf-8'
+        return False
+    return True
 
 
 def _of_bytes(head: bytes) -> str:
@@ -38,13 +43,8 @@ def _of_bytes(head: bytes) -> str:
     0x9f; in Japanese and Chinese they stand side by side.
     """
     runs = re.findall(rb'[\x80-\xff]+', head)
-    side_by_side = len(b''.join(runs)) > 2 * len(runs)
-    names = ['cp932'] if len(re.findall(rb'[\x80-\x9f]', head)) > 0.2 * len(b''.join(runs)) else [
-        'gb18030'] if all(len(run) % 2 == 0 for run in runs) else []
-    for name in names if side_by_side else []:
-        try:
-            codecs.getincrementaldecoder(name)().decode(head)
-        except UnicodeDecodeError:
-            continue
-        return name
-    return 'cp1252'
+    above, low = sum(map(len, runs)), len(re.findall(rb'[\x80-\x9f]', head))
+    pairs = all(len(run) % 2 == 0 for run in runs)
+    name = 'cp932' if low > 0.2 * above else 'gb18030' if pairs else ''
+    side_by_side = above > 2 * len(runs)
+    return name if name and side_by_side and _decodes(head, name) else 'cp1252'

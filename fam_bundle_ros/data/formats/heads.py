@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import re
 
 from fam_bundle_ros.data.column_names import recognise, unit_text_of
-from fam_bundle_ros.data.unit_names import unit_of
+from fam_bundle_ros.data.unit_names import unbracketed, unit_of
 
 _UNIT_KEYS = ('unit', 'units', 'einheit')
 #: What may be a level in a cell of its own: '3 bar', '20 %'.
@@ -55,7 +55,7 @@ def of_pairs(rows: Sequence[Sequence[str]], width: int,
     if best == clock or not clock and own is None:  # 'Time, p, Time, F' are names themselves
         return None
     units = {name: text for name, cell in zip(names[best], own or [])
-             if (text := cell.strip('[](){}<>'))}
+             if (text := unbracketed(cell))}
     if clock:
         units['time'] = unit_text_of(clock) or ''
     times = ['time' if clock else f'X {at}' for at in range(1, len(names[best]) + 1)]

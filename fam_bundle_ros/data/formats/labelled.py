@@ -30,12 +30,6 @@ def labelled(name: str, lines: Sequence[str]) -> Table | None:
     """
     Return the table of lines that name their values, None where most lines are no such.
 
-    Parameters
-    ----------
-    name : str
-        File, for messages.
-    lines : sequence of str
-
     Examples
     --------
     >>> table = labelled('log', ['p:1.5bar F:2', 'p:1.6bar F:3', 'p:1.7bar F:4'])

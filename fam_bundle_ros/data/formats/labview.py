@@ -9,12 +9,12 @@ from dataclasses import replace
 import io
 import logging
 from pathlib import Path
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import is_number
-from fam_bundle_ros.data.cells import seconds
+from fam_bundle_ros.data.cells import is_number, seconds
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.arrays import flattened, of_arrays
 from fam_bundle_ros.data.formats.channels import filled_up, Series
@@ -29,7 +29,7 @@ _END = '***End_of_Header***'
 _UNSET = np.datetime64('1904-01-01')
 
 
-def read_lvm(path: Path, sheet: str | None = None) -> Table:
+def read_lvm(path: Path) -> Table:
     """
     Return the table of a .lvm file; several segments are trials.
 
@@ -43,9 +43,9 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
     """
     pandas = library('pandas', f'{path.name}: reading it')
     lines = path.read_text(encoding=encoding_of(path), errors='replace').splitlines()
-    general = dict(_header_line(line) for line in lines[:40] if line.strip())
-    separator = {'Comma': ',', 'Tab': '\t'}.get(general.get('Separator', 'Tab'), '\t')
-    decimal = general.get('Decimal_Separator', '.').strip() or '.'
+    head = '\n'.join(lines[:40])
+    separator = ',' if re.search(r'^Separator\s*[\t,]\s*Comma\b', head, re.M) else '\t'
+    decimal = ',' if re.search(r'^Decimal_Separator *\t\s*,', head, re.M) else '.'
     frames, rows, units = [], [], {'X_Value': 's'}
     for block in _blocks(lines, separator, decimal):
         frame = pandas.read_csv(io.StringIO('\n'.join(block.lines)), sep=separator,
@@ -73,26 +73,12 @@ def read_lvm(path: Path, sheet: str | None = None) -> Table:
 
 
 class _Block(NamedTuple):
-    """
-    Rows of numbers below one header.
-
-    Attributes
-    ----------
-    header : dict of str to list of str
-        Values of each key, one for each channel.
-    names : list of str
-        Of the columns.
-    trial : int
-        How many rows of names stand between the first one and this block.
-    first : int
-        Number of the first line in the file.
-    lines : list of str
-    """
+    """Rows of numbers below one header, which holds a value for each channel by key."""
 
     header: dict[str, list[str]]
-    names: list[str]
-    trial: int
-    first: int
+    names: list[str]  # of the columns
+    trial: int  # how many rows of names stand between the first one and this block
+    first: int  # number of the first line in the file
     lines: list[str]
 
 
@@ -118,17 +104,9 @@ def _blocks(lines: list[str], separator: str, decimal: str) -> Iterator[_Block]:
             rows.append(line)
 
 
-def _header_line(line: str) -> tuple[str, str]:
-    for separator in ('\t', ','):
-        key, found, value = line.partition(separator)
-        if found:
-            return key.strip(), value.strip(separator + ' ')
-    return line.strip(), ''
-
-
 def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
     """Return the columns of a block, and the times of each, s since its first channel began."""
-    channels = [name for name in block.columns if not str(name).startswith('X_Value')]
+    channels = [channel for channel in block.columns if not channel.startswith('X_Value')]
     starts = np.zeros(len(channels))
     stamps = [' '.join(stamp) for stamp in zip(*(_of_each(header, key, channels)
                                                  for key in ('Date', 'Time')))]
@@ -136,9 +114,9 @@ def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
         starts = seconds(name, 'Date and Time', np.array(stamps, object), starts)
     clock: np.ndarray | None = None
     clocks: dict[str, np.ndarray] = {}
-    for name in block.columns:
-        if name not in channels:
-            clock = block[name].to_numpy(float)
+    for column in block.columns:
+        if column not in channels:
+            clock = block[column].to_numpy(float)
             continue
         at = len(clocks)
         if clock is None or np.isnan(clock).all():
@@ -147,7 +125,7 @@ def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:
             own = begin + step * np.arange(len(block))
         else:
             own = clock
-        clocks[f'X_Value of {name}'] = own + starts[at]
+        clocks[f'X_Value of {column}'] = own + starts[at]
     return block[channels].assign(**clocks)
 
 

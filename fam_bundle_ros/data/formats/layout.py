@@ -14,11 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import takewhile
 import re
-from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import (
+from fam_bundle_ros.data.cells import (
     is_blank,
     is_number,
     is_reading,
@@ -29,23 +28,13 @@ from fam_bundle_ros.data.cell_text import (
 from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.formats import heads
 from fam_bundle_ros.data.formats.table import is_unnamed
-from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit
+from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit, unbracketed
 
 #: Units of other quantities that stand in a row of units.
 _OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
     l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
 #: Rows looked at above the data, and for names.
 _ABOVE, _HEAD = 8, 16
-
-
-class Layout(NamedTuple):
-    """Names and units of the columns, the index of the first row of data in the grid, a note."""
-
-    names: list[str]
-    units: dict[str, str]
-    first: int
-    width: int
-    note: str = ''
 
 
 def trimmed(row: Sequence[str]) -> list[str]:
@@ -62,11 +51,6 @@ def find_data(grid: Sequence[Sequence[str]], decimal: str = '.') -> tuple[int, i
 
     More cells than usual are columns only where a row above the data has as many, or where most
     rows have as many separators.
-
-    Parameters
-    ----------
-    grid : sequence of rows of text cells
-    decimal : str
     """
     width = np.array([len(trimmed(row)) for row in grid])
     numbers = np.array([sum(is_reading(cell, decimal) for cell in row) for row in grid])
@@ -158,16 +142,10 @@ def may_name(cells: Sequence[str], width: int) -> bool:
 def find_names(rows: Sequence[Sequence[str]], width: int,
                ) -> tuple[list[str], dict[str, str], int]:
     """
-    Return the columns' names, their units where a row of them was found, and the last row used.
+    Return the names of so many columns, their units where a row of them was found, and a row.
 
-    The last is an index of ``rows``, -1 where there are no names.
-
-    Parameters
-    ----------
-    rows : sequence of rows of text cells
-        Those above the data, the nearest last.
-    width : int
-        Number of columns.
+    It is the last row that holds names or units, as an index of ``rows``, -1 for none; ``rows``
+    are those above the data, the nearest last.
     """
     pairs = heads.of_pairs(rows, width)
     if pairs is not None:
@@ -196,8 +174,8 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
         for i, (cell, above) in enumerate(zip(near[at][1], over))]
     units_at = sorted((i for i in range(len(near)) if i != at and unit_like[i]), key=lambda i: (
         sum(recognise(*pair).score > 0 for pair in zip(names, near[i][1])), i))[-1:]
-    units = {name: cell.strip().strip('[](){}<>') for i in units_at
-             for name, cell in zip(names, near[i][1]) if cell.strip().strip('[](){}<>')}
+    units = {name: unit for i in units_at for name, cell in zip(names, near[i][1])
+             if (unit := unbracketed(cell))}
     index = trimmed(rows[-1])
     if at >= 0 and len(index) == 1 < width and recognise(index[0]).quantity in ('time', 'trial'):
         names[0] = index[0]  # pandas writes the name of an index below those of the columns
@@ -250,6 +228,6 @@ def _of_columns(row: Sequence[str]) -> bool:
 
 def are_units(row: Sequence[str]) -> bool:
     """Return whether most of a row's cells are units."""
-    cells = [cell.strip().strip('[](){}<>') for cell in row if cell.strip()]
+    cells = [unbracketed(cell) for cell in row if cell.strip()]
     known = sum(is_unit(cell) or cell in ELECTRIC for cell in cells)
     return known > 0 and known + sum(cell in _OTHER_UNITS for cell in cells) > 0.5 * len(cells)

@@ -15,12 +15,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import blank, is_text, looks_like_time, numbers, seconds
+from fam_bundle_ros.data.cells import cell_text, is_text, looks_like_time, numbers, seconds
 from fam_bundle_ros.data.cells import labels as trial_labels
 from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
 from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.formats.unit_columns import in_one_unit, NAMES
+from fam_bundle_ros.data.grouping import earlier
 from fam_bundle_ros.data.measurement import counted
+from fam_bundle_ros.data.rates import begins
 from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import InputError
 
@@ -53,11 +55,12 @@ def wide(table: Table) -> Table:
         return table
     signal, value, others = found
     # rows that repeat the header are not readings
-    named = np.array([not blank(cell) for cell in table.columns[signal]], bool)
-    rows = named & np.array([str(cell).strip() != signal for cell in table.columns[signal]], bool)
+    signals = np.array(list(map(cell_text, table.columns[signal])), object)
+    named = signals != ''
+    rows = named & (signals != signal)
     bad, qualities = _of_bad_quality(table, others, rows)
     rows &= ~bad
-    labels, names = _counted(table.columns[signal][rows])
+    labels, names = _counted(signals[rows])
     at, cells = table.rows[rows], table.columns[value][rows]
     clock = _clock(table, others, rows)
     trial = next((header for header in others if recognise(header).quantity == 'trial'), '')
@@ -77,13 +80,13 @@ def wide(table: Table) -> Table:
         mine = labels == k
         values = cells[mine]
         texts = table.columns[unit_column][rows][mine] if unit_column is not None else values[:0]
-        if any(not blank(text) and is_unit(str(text)) for text in set(texts)):
+        if any(map(is_unit, filter(None, map(cell_text, set(texts))))):
             values, units[header] = in_one_unit(table.name, header, values, texts, at[mine])
         columns[header] = _spread(values, place[mine], len(first))
-    unread = [repr(header) for header in others if not is_unnamed(header)
-              and header not in (*columns, *qualities, clock.source, unit_column)]
+    unread = ', '.join(repr(header) for header in others if not is_unnamed(header)
+                       and header not in (*columns, *qualities, clock.source, unit_column))
     notes = [f"one reading per row: each of {len(names)} names in '{signal}' read as a column"
-             + (f"; not used: {', '.join(unread)}" if unread else '')]
+             + (f'; not used: {unread}' if unread else '')]
     if bad.any():
         notes.append(f"{counted(int(bad.sum()), 'reading')} of bad quality left out (first row "
                      f'{table.rows[np.argmax(bad)]})')
@@ -100,10 +103,11 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
     if known & {'force', 'pressure'}:
         return None
     signals = {}
-    for header in (header for header, column in table.columns.items() if is_text(column)):
-        names = {str(cell).strip() for cell in table.columns[header] if not blank(cell)}
-        names -= {header}
-        if 1 < len(names) <= _MOST and not looks_like_time(table.columns[header]):
+    for header, column in table.columns.items():
+        if not is_text(column) or looks_like_time(column):
+            continue
+        names = set(filter(None, map(cell_text, column))) - {header}
+        if 1 < len(names) <= _MOST:
             meant = {recognise(name).quantity for name in names}
             sure = 'force' in meant and bool(meant & {'pressure', *STRAINS})
             if sure or _key(header) in _SIGNAL:
@@ -114,9 +118,8 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
                   and not recognise(header).quantity and np.isfinite(column).any()]
     if not signals or len(values) != 1:
         return None
-    signal = max(signals, key=lambda header: signals[header])
-    return signal, values[0], [header for header in table.columns
-                               if header not in (signal, values[0])]
+    used = max(signals, key=lambda header: signals[header]), values[0]
+    return *used, [header for header in table.columns if header not in used]
 
 
 def _key(header: str) -> str:
@@ -206,7 +209,7 @@ def _with_resets(name: str, rows: np.ndarray, names: Sequence[str], labels: np.n
     count = resets.max() + 1
     codes, runs = np.unique(runs * count + resets, return_inverse=True)
     of_run = codes // count
-    number = np.arange(len(codes)) - np.searchsorted(of_run, of_run) + 1
+    number = earlier(of_run) + 1
     return runs.ravel(), [f'{run_names[run]} {k}' if len(run_names) > 1 else str(k)
                           for run, k in zip(of_run.tolist(), number.tolist())]
 
@@ -215,14 +218,10 @@ def _places(labels: np.ndarray, times: np.ndarray, runs: np.ndarray,
             ) -> tuple[np.ndarray, np.ndarray]:
     """Return the new row of each reading, and the first reading of each new row."""
     moments = np.unique(times, return_inverse=True)[1].ravel() + runs * len(times)
-    order = np.lexsort((labels, moments))
-    begins = np.flatnonzero(np.r_[True, (np.diff(labels[order]) != 0)
-                                  | (np.diff(moments[order]) != 0)])
     # two readings of one signal at one time take two rows
-    turn = np.empty(len(order), int)
-    turn[order] = np.arange(len(order)) - np.repeat(begins, np.diff(np.r_[begins, len(order)]))
+    turn = earlier(moments * (labels.max() + 1) + labels)
     order = np.lexsort((turn, moments))
-    new = np.r_[True, (np.diff(moments[order]) != 0) | (np.diff(turn[order]) != 0)]
+    new = begins(moments[order], turn[order])
     place = np.empty(len(order), int)
     place[order] = np.cumsum(new) - 1
     return place, order[new]

@@ -30,12 +30,7 @@ def read_mat(path: Path, sheet: str | None = None) -> Table:
     """
     from scipy.io import loadmat
     with reading_as(path, 'a .mat file', Exception):  # scipy raises many kinds on damaged files
-        try:
-            values = loadmat(path, simplify_cells=True)
-        except NotImplementedError:  # version 7.3
-            values = None
-    if values is None:
-        return read_hdf(path, sheet)
+        values = loadmat(path, simplify_cells=True)
     opaque = any(type(value).__name__ == 'MatlabOpaque' or 'FunctionWorkspace' in key
                  for key, value in values.items())
     values = {key: value for key, value in values.items() if not key.startswith('__')
@@ -76,32 +71,33 @@ def _units_of(group: Any) -> dict[str, str]:
     for key, child in group.items():
         unit = child.attrs.get('units', child.attrs.get('unit'))
         if unit is not None:
-            units[f'{key}_unit'] = unit.decode() if isinstance(unit, bytes) else str(unit)
+            units[f'{key}_unit'] = _text(unit)
     return units
+
+
+def _text(value: Any) -> str:
+    return value.decode(errors='replace') if isinstance(value, bytes) else str(value)
 
 
 def _of_node(file: Any, node: Any, depth: int) -> Any:
     """Return the values of a dataset, a dict for a group, None for other nodes."""
     if depth > 4:
         return None
-    if isinstance(node, Mapping) or hasattr(node, 'items'):
+    if isinstance(node, Mapping):
         inner = {key: _of_node(file, child, depth + 1) for key, child in node.items()}
         inner.update(_units_of(node))
         return {key: value for key, value in inner.items() if value is not None}
-    kind = node.attrs.get('MATLAB_class', b'')
-    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     if node.dtype.kind == 'V' and node.dtype.names:
         table = node[()]
         return {name: table[name] for name in table.dtype.names}
-    if kind == 'char' and node.dtype.kind in 'ui':
+    if _text(node.attrs.get('MATLAB_class', '')) == 'char' and node.dtype.kind in 'ui':
         return ''.join(map(chr, np.asarray(node[()]).ravel(order='F')))
-    if node.dtype == object or node.dtype.kind == 'O':
+    if node.dtype.kind == 'O':
         cells = np.asarray(node[()]).ravel()
         if len(cells) > 10_000:
             return None
         if all(isinstance(cell, (bytes, str)) for cell in cells):
-            texts = [cell.decode(errors='replace') if isinstance(cell, bytes) else cell
-                     for cell in cells]
+            texts = list(map(_text, cells))
             return texts[0] if node.shape == () else np.array(texts, object)
         try:  # a cell array: references to its cells
             return np.array([_of_node(file, file[cell], depth + 1) for cell in cells], object)

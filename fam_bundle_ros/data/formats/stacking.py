@@ -173,8 +173,10 @@ def _levels(table: Table) -> Table | None:
     levels, forces = {}, {}
     for header in table.columns:
         level = _level(header)
-        force = recognise(level.rest, table.units.get(header, '')) if level else None
-        if level and force and force.quantity == 'force' and force.score:
+        if level is None:
+            continue
+        force = recognise(level.rest, table.units.get(header, ''))
+        if force.quantity == 'force' and force.score:
             levels[header], forces[header] = level, force
     kinds = {(level.quantity, level.unit) for level in levels.values()}
     if len(kinds) != 1 or len(levels) < 2:

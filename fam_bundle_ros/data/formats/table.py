@@ -102,15 +102,9 @@ def check_size(path: Path) -> None:
 @contextmanager
 def reading_as(path: Path, kind: str, *errors: type[Exception]) -> Iterator[None]:
     """
-    Raise InputError where the library for a format cannot read a file.
+    Raise InputError where the library for a format, ``kind`` in words, cannot read a file.
 
-    Parameters
-    ----------
-    path : path
-    kind : str
-        The format in words.
-    errors : exception classes, optional
-        That the library raises; by default OSError and ValueError.
+    It raises ``errors``, by default OSError and ValueError.
     """
     errors = errors or (OSError, ValueError)
     try:

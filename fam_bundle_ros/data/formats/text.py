@@ -20,12 +20,11 @@ import warnings
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import BLANKS, is_number, with_unit
-from fam_bundle_ros.data.cells import numbers
+from fam_bundle_ros.data.cells import BLANKS, is_number, numbers, with_unit
 from fam_bundle_ros.data.formats.dialect import BLANK, Dialect, is_comment, sniff, split
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
-from fam_bundle_ros.data.formats.table import check_size, Table, unique
+from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.measurement import counted, MAX_ROWS
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
@@ -34,6 +33,7 @@ from fam_bundle_ros.extras import library
 _LONGEST, _SNIFFED = 1 << 16, 400
 #: Between the digits of 1'234 and 1\u202f234.
 _GROUPS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f](?=\\d{3}(?!\\d))")
+#: 1 234,5.
 _SPACED = re.compile(r'[-+]?\d{1,3}( \d{3})+([.,]\d*)?')
 #: A quote that begins a cell and does not end on its line, and the most lines of such a header.
 _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
@@ -47,20 +47,13 @@ _REMARKS = 10_000
 
 def read_text(path: Path, drop_bad: bool = False) -> Table:
     """
-    Return the table that a text file holds.
-
-    Parameters
-    ----------
-    path : path
-    drop_bad : bool, optional
-        Leave rows of more cells than columns out.
+    Return the table that a text file holds; ``drop_bad`` leaves rows of too many cells out.
 
     Raises
     ------
     InputError
-        For an empty, binary or oversized file, and one without rows of numbers.
+        For a binary file, and one without rows of numbers.
     """
-    check_size(path)
     encoding = encoding_of(path)
     try:
         return _read(path, encoding, drop_bad)
@@ -74,12 +67,11 @@ def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
     with open(path, encoding=encoding, errors=errors) as stream:
         lines = _lines(path.name, stream)
         head = list(islice(lines, _SNIFFED))
-        if labelled(path.name, head) is not None:
-            table = labelled(path.name, [*head, *islice(lines, MAX_ROWS + 1)])
-            if table is not None:
-                return table
+        if labelled(path.name, head) is not None and (table := labelled(
+                path.name, [*head, *islice(lines, MAX_ROWS + 1)])) is not None:
+            return table
     dialect, skipped = sniff(path.name, head)
-    names = unique(dialect.layout.names)
+    names = unique(dialect.names)
     with open(path, encoding=encoding, errors=errors) as stream:
         rows = _Rows(_lines(path.name, stream), skipped, dialect, drop_bad)
         decimal = '.' if dialect.decimal == dialect.separator else dialect.decimal
@@ -87,7 +79,7 @@ def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
             pieces = []
             with warnings.catch_warnings(), pandas.read_csv(
                     rows, sep=dialect.separator, decimal=decimal, header=None,
-                    names=range(dialect.layout.width), index_col=False, skipinitialspace=True,
+                    names=range(dialect.width), index_col=False, skipinitialspace=True,
                     na_values=list(BLANKS), skip_blank_lines=False, quotechar='"',
                     chunksize=200_000, low_memory=False,
                     on_bad_lines='error') as reader:
@@ -104,15 +96,15 @@ def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
             raise _bad_line(path.name, error, rows) from error
     columns, at = {}, np.frombuffer(rows.numbers, np.int64)[:total]
     units = {}
-    for i, (name, own) in enumerate(zip(names, dialect.layout.names)):
-        unit = dialect.layout.units.get(own, '')
+    for i, (name, own) in enumerate(zip(names, dialect.names)):
+        unit = dialect.units.get(own, '')
         columns[name], unit = _numbers_or_text([piece[i] for piece in pieces], dialect.decimal,
                                                unit)
         if unit:
             units[name] = unit
     return Table(path.name, dialect.words, columns, units, at, above=tuple(head[:skipped]),
                  remarks=tuple(rows.remarks),
-                 notes=tuple(filter(None, [dialect.layout.note, rows.note])),
+                 notes=tuple(filter(None, [dialect.note, rows.note])),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -131,25 +123,24 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     """Return a column as floats, or text where it holds words, and its unit."""
     if all(part.dtype.kind in 'biuf' for part in parts):
         return np.concatenate([part.to_numpy(float) for part in parts]), unit
-    text = np.concatenate([part.to_numpy(object) for part in parts])
-    first = with_unit(next((cell for cell in text if isinstance(cell, str)), ''), decimal)
-    if first and all(cell.rstrip().endswith(first[1]) for cell in text if isinstance(cell, str)):
+    cells = np.concatenate([part.to_numpy(object) for part in parts])
+    words = [at for at, cell in enumerate(cells) if isinstance(cell, str)]
+    texts = [cells[at] for at in words]
+    first = with_unit(texts[0], decimal) if texts else None
+    if first and all(text.rstrip().endswith(first[1]) for text in texts):
         unit = first[1]  # each cell carries it: '12.5 mm'
-        text = np.array([cell.rstrip()[:-len(unit)].strip() if isinstance(cell, str) else cell
-                         for cell in text], object)
-    spaced = [isinstance(cell, str) and _SPACED.fullmatch(cell) is not None for cell in text]
-    text = np.array([cell.replace(' ', '') if fits else cell for cell, fits in zip(text, spaced)],
-                    object)  # 1 234,5
-    signed = [cell for cell in text if isinstance(cell, str)  # not a date, '12.03.2024'
-              and (is_number(cell, '.') or is_number(cell, ','))]
-    fits = {sign: all(is_number(cell, sign) for cell in signed) for sign in '.,'}
+        texts = [text.rstrip().removesuffix(unit).strip() for text in texts]
+    texts = [text.replace(' ', '') if _SPACED.fullmatch(text) else text for text in texts]
+    # not a date, '12.03.2024'
+    signed = [text for text in texts if is_number(text, '.') or is_number(text, ',')]
+    fits = {sign: all(is_number(text, sign) for text in signed) for sign in '.,'}
     # a column may have another decimal sign than the file: 12,5 beside 1.5
     if fits[','] and not (decimal == '.' and fits['.']):
-        text = np.array([cell.replace('.', '').replace(',', '.') if isinstance(cell, str)
-                         and is_number(cell, ',') else cell for cell in text], object)
-    if not (found := numbers(text))[1].any():
-        return found[0], unit
-    return text, unit
+        texts = [text.replace('.', '').replace(',', '.') if is_number(text, ',') else text
+                 for text in texts]
+    cells[words] = texts
+    values, others = numbers(cells)
+    return cells if others.any() else values, unit
 
 
 def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
@@ -210,12 +201,9 @@ class _Rows(io.TextIOBase):
         #: Line number and text of comments between them.
         self.remarks: list[tuple[int, str]] = []
 
-    def readable(self) -> bool:
-        return True
-
-    def read(self, size: int | None = -1) -> str:
+    def read(self, size: int | None = None) -> str:
         """Return the next rows, at least one while there are any."""
-        wanted = 1 << 30 if size is None or size < 0 else size
+        wanted = 1 << 30 if size is None else size
         parts, length = [], 0
         for line in self._lines:
             self._at += 1
@@ -248,19 +236,19 @@ class _Rows(io.TextIOBase):
 
     def _too_wide(self, line: str) -> bool:
         """Return whether a line has more cells than there are columns."""
-        width = self._dialect.layout.width
+        width = self._dialect.width
         return line.count(self._separator) >= width and len(
             split(line, self._dialect.separator)) > width
 
     def _narrow(self, line: str) -> str:
         """Cut a line of words, such as the head of a next test, to as many cells as columns."""
-        width = self._dialect.layout.width
-        cells = split(line, self._dialect.separator) if self._too_wide(line) else []
-        if not cells or any(is_number(cell, self._dialect.decimal)
-                                      for cell in cells[:width]):
+        if not self._too_wide(line):
+            return line
+        cells = split(line, self._dialect.separator)[:self._dialect.width]
+        if any(is_number(cell, self._dialect.decimal) for cell in cells):
             return line
         return self._separator.join(cell.replace('"', '').replace(self._separator, ' ')
-                                    for cell in cells[:width])
+                                    for cell in cells)
 
 
 def _bad_line(name: str, error: Exception, rows: _Rows) -> InputError:

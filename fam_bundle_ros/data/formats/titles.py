@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import blank, is_text, numbers
+from fam_bundle_ros.data.cells import cell_text, is_text, numbers
 from fam_bundle_ros.data.column_names import absolute_of, recognise, words_of
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of
@@ -38,7 +38,7 @@ class Title(NamedTuple):
 
 def titled(table: Table) -> Table:
     """
-    Return a table with the pressure that only titles of one kind tell; others as they are.
+    Return a table with the pressure that only titles tell; others as they are.
 
     Each block of rows needs one, the first too.
     """
@@ -48,8 +48,8 @@ def titled(table: Table) -> Table:
     titles = titles_of(table)
     blocks = np.searchsorted(table.rows, [title.row for title in titles])
     lengths = np.diff(np.r_[blocks, len(table.rows)])
-    if len(titles) < 2 or len({title.kind for title in titles}) > 1 or blocks[0] or (
-            lengths.min() < 1) or len({title.absolute for title in titles}) > 1:
+    if len(titles) < 2 or blocks[0] or lengths.min() < 1 or len(
+            {title.absolute for title in titles}) > 1:
         return table
     readings, _ = _readings(table)
     begins = np.flatnonzero(readings)
@@ -73,15 +73,18 @@ def titled(table: Table) -> Table:
 
 
 def titles_of(table: Table) -> list[Title]:
-    """Return the lines above and between the rows that tell one pressure, in the order of rows."""
+    """
+    Return the lines above and between the rows that tell one pressure, in the order of rows.
+
+    They are of the most frequent kind; other lines with a pressure are settings.
+    """
     lines = [*enumerate(table.above, 1), *table.remarks]
     texts = [column for column in table.columns.values() if is_text(column)]
     if texts:
         for at in np.flatnonzero(_readings(table)[1]).tolist():
-            cells = [str(column[at]).strip() for column in texts if not blank(column[at])]
+            cells = filter(None, (cell_text(column[at]) for column in texts))
             lines.append((int(table.rows[at]), ' '.join(cells)))
     found = [title for row, line in sorted(lines) if (title := _title(row, line))]
-    # titles are the most frequent kind; other lines with a pressure are settings
     kinds = Counter(title.kind for title in found).most_common(1)
     return [title for title in found if title.kind == kinds[0][0]]
 
@@ -119,8 +122,8 @@ def _without(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def _all_blank(table: Table, begin: int, end: int) -> bool:
     """Return whether some rows hold no words."""
-    return all(blank(cell) for column in table.columns.values() if is_text(column)
-               for cell in column[begin:end])
+    return not any(cell_text(cell) for column in table.columns.values() if is_text(column)
+                   for cell in column[begin:end])
 
 
 def _readings(table: Table) -> tuple[np.ndarray, np.ndarray]:

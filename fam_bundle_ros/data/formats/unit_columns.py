@@ -4,14 +4,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 import re
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import blank, is_text, numbers
+from fam_bundle_ros.data.cells import cell_text, is_text, numbers
 from fam_bundle_ros.data.column_names import QUANTITIES, unit_for, words_of
 from fam_bundle_ros.data.formats.table import is_unnamed, Table
 from fam_bundle_ros.data.told_columns import name_of
@@ -33,13 +32,7 @@ def with_unit_columns(table: Table, told: Collection[str] = ()) -> Table:
     Such a column is called 'unit' and mostly holds units that fit the quantity beside it, or it
     has no name, is right of a quantity, and has a fitting unit for each reading. Units are of the
     column on their left, or all of that on their right where more fit. Readings of several units
-    are converted to the first.
-
-    Parameters
-    ----------
-    table : Table
-    told : collection of str
-        What the user tells: a unit in it counts more.
+    are converted to the first. A unit that the user tells (in one of ``told``) counts more.
 
     Raises
     ------
@@ -60,7 +53,7 @@ def with_unit_columns(table: Table, told: Collection[str] = ()) -> Table:
     for beside, header in _pairs(table, left, right).items():
         if any(re.search(rf'(?<!\w){re.escape(header)}\s*\[', text) for text in told):
             continue
-        texts = Counter(str(cell).strip() for cell in columns[beside] if not blank(cell))
+        texts = dict.fromkeys(filter(None, map(cell_text, columns[beside])))
         columns[header], units[header] = in_one_unit(table.name, header, columns[header],
                                                      columns[beside], table.rows)
         notes.append(f"'{header}' is in {', '.join(texts)}, as '{beside}' tells" + (
@@ -102,11 +95,10 @@ def _fits(table: Table, header: str, beside: str) -> bool:
     known = np.isfinite(readings)
     if table.unit_text(header) or not known.any() or quantity == 'trial':
         return False
-    cells = np.array(['' if blank(cell) else str(cell).strip() for cell in table.columns[beside]])
-    units = {text: text in _READ or is_unit(text) if not quantity else
-             text in _READ or unit_for(quantity, text) is not None
-             for text in set(cells.tolist()) if text}
-    fitting = np.array([units.get(text, False) for text in cells])
+    cells = np.array(list(map(cell_text, table.columns[beside])))
+    units = {text for text in set(cells.tolist()) if text and (
+        text in _READ or (unit_for(quantity, text) is not None if quantity else is_unit(text)))}
+    fitting = np.isin(cells, list(units))
     if _called(beside):
         return bool(2 * fitting.sum() > (cells != '').sum())
     return quantity not in ('', 'time') and bool(fitting[known | (cells != '')].all())
@@ -132,7 +124,7 @@ def in_one_unit(name: str, header: str, cells: np.ndarray, units: np.ndarray, ro
     InputError
         For a reading without a unit, or with one of another quantity, with its row.
     """
-    texts = np.array(['' if blank(cell) else str(cell).strip() for cell in units], object)
+    texts = np.array(list(map(cell_text, units)), object)
     first = next(filter(None, texts), '')
     if not set(texts.tolist()) - {first, ''}:
         return cells, first

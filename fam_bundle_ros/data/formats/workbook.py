@@ -12,7 +12,7 @@ import zipfile
 
 import numpy as np
 
-from fam_bundle_ros.data.cell_text import in_groups, is_blank, is_number, number
+from fam_bundle_ros.data.cells import in_groups, is_blank, is_number, number
 from fam_bundle_ros.data.column_names import STRAINS
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other, parts_of_one
@@ -38,7 +38,7 @@ def read_zip(path: Path, sheet: str | None = None) -> Table:
     if 'xl/workbook.xml' in names:
         return read_workbook(path, sheet)
     if any(name.endswith('.npy') for name in names):
-        return arrays.read_npz(path, sheet)
+        return arrays.read_npz(path)
     if 'content.xml' in names:
         raise InputError(f'{path.name}: an OpenDocument file; expected it saved as .xlsx or .csv')
     raise InputError(f'{path.name}: a compressed folder; expected it unpacked')
@@ -65,30 +65,29 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     names = list(sheets) if sheet is None else [sheet]
     read = {name: _of_sheet(path.name, name, sheets[name]) for name in names}
     # a sheet without a table may tell settings of the others, such as the rest length
-    told = tuple(';'.join(map(_text, row)) for name, (own, _) in read.items() if own is None
+    told = tuple(';'.join(map(_text, row)) for name, own in read.items() if own is None
                  for row in sheets[name].to_numpy(object)[:_SNIFFED])
-    found = [(replace(own, above=own.above + told), known) for own, known in read.values()
-             if own is not None]
+    found = {name: replace(own, above=own.above + told) for name, own in read.items()
+             if own is not None}
     if not found:
         raise InputError(f'{path.name}: no rows of numbers in {", ".join(names)}; expected a '
                          'table (formulas need the values that Excel saves with them)')
-    table, known = max(found, key=lambda pair: (pair[1], len(pair[0].rows)))
-    alike = {other.kind.removeprefix('sheet '): other for other, also in found if also >= known}
-    whole = one_below_the_other(alike)
+    table = max(found.values(), key=lambda own: (_known(own), len(own.rows)))
+    known = _known(table)
+    whole = one_below_the_other({name: own for name, own in found.items() if _known(own) >= known})
     if whole is not None:
         return whole
-    parts = None
     if sheet is None and known < _ALL:
-        parts = parts_of_one([replace(own, name=own.kind) for own, _ in found])
-    if parts is not None and _known(parts) == _ALL:
-        return replace(parts, name=path.name, kind='sheets side by side')
-    others = [other.kind for other, _ in found if other is not table]
+        parts = parts_of_one([replace(own, name=own.kind) for own in found.values()])
+        if parts is not None and _known(parts) == _ALL:
+            return replace(parts, name=path.name, kind='sheets side by side')
+    others = [other.kind for other in found.values() if other is not table]
     notes = (f'not read: {", ".join(others)} (tell the sheet)',) if others else ()
     return replace(table, notes=notes)
 
 
-def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
-    """Return the table of a sheet, or None, and the number of known quantities in it."""
+def _of_sheet(file: str, sheet: str, frame: Any) -> Table | None:
+    """Return the table of a sheet; None where it has no rows of numbers."""
     values = frame.to_numpy(object)
     decimal = ',' if any(map(_has_decimal_comma, values[:_SNIFFED].T)) else '.'
     head = [[_text(cell, decimal) for cell in row] for row in values[:_SNIFFED]]
@@ -98,7 +97,7 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
     filled = [i for i, row in enumerate(head) if any(cell.strip() for cell in row)]
     first, width = layout.find_data([head[i] for i in filled], decimal)
     if first < 0:
-        return None, 0
+        return None
     names, units, last = layout.find_names([head[i] for i in filled[:first]], width)
     names = unique(names)
     below = filled[last + 1:first] if last >= 0 else []
@@ -110,9 +109,8 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> tuple[Table | None, int]:
              if isinstance(cell, str) and is_blank(text := cell.strip()) and text}
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
-    table = Table(file, f'sheet {sheet}', columns, units, np.flatnonzero(kept) + begin + 1,
-                  above=tuple(map(';'.join, head[:begin])), blanks=partial(_word, words))
-    return table, _known(table)
+    return Table(file, f'sheet {sheet}', columns, units, np.flatnonzero(kept) + begin + 1,
+                 above=tuple(map(';'.join, head[:begin])), blanks=partial(_word, words))
 
 
 def _known(table: Table) -> int:
