@@ -39,8 +39,8 @@ from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
-from fam_bundle_ros.discovery.options import family, Options
-from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
+from fam_bundle_ros.discovery.options import Change, family, Options
+from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
@@ -112,7 +112,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     before, leftover = (Leftover.of(fitter, fit, beside.hyper)
                         for fit, beside in ((base, search.null), (final, joint)))
     recommended = recommend(best, final, joint, held, fitter)
-    other = predictive(search, chosen, physics, choices) if finding.named else physics
+    other = predictive(search, chosen, physics) if finding.named else physics
     if other is not physics:
         beside = search.fits[other.names]
         likewise = recommend(
@@ -210,18 +210,17 @@ class Searched:
 
     def alone(self) -> Judged:
         """Choose the set that explains this measurement, and judge it."""
-        search, choices = self.search, self.search.options.choices
-        chosen, found = best_of_ties(search, *named(search, search.best), choices)
+        search = self.search
+        chosen, found = best_of_ties(search, *named(search, search.best))
         if not found:
-            chosen, found = likelier_than_not(search, choices)
+            chosen, found = likelier_than_not(search)
         likely = bool(found)
         physics = search.fitter.without_discrepancy(chosen)
-        return self._judged(*drop_unpredictive(search, chosen, found, physics, choices.inclusion),
-                            likely)
+        return self._judged(*drop_unpredictive(search, chosen, found, physics), likely)
 
     def with_set(self, chosen: Fit) -> Judged:
         """Judge a given set."""
-        found = changes(self.search.options, chosen.names)
+        found = self.search.options.changes(chosen.names)
         physics = self.search.fitter.without_discrepancy(chosen)
         held = held_out(self.search.fitter, physics, chosen)
         return self._judged(chosen, found, physics, held, bool(found))
@@ -230,9 +229,9 @@ class Searched:
                 likely: bool) -> Judged:
         fitter, null = self.search.fitter, self.search.null
         base = fitter.without_discrepancy(null) if likely else physics
-        finding = judge(fitter, null, base, chosen, physics, found, held,
+        finding = judge(self.search, base, chosen, physics, found, held,
                         artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets),
-                        self.search.options.choices.inclusion, likely)
+                        likely)
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
         return Judged(chosen, found, physics, base, held, finding)
@@ -304,21 +303,16 @@ def _ladder(search: Search, answer: list[Change], error: dict[str, float], base:
     names, left = search.options.own, list(answer)
     while len(left) > 1:
         # the change that reduces the error most comes first
-        tried = [(change, fitter.without_discrepancy(search.fit(_after(names, change))))
+        tried = [(change, fitter.without_discrepancy(search.fit(change.done(names))))
                  for change in left]
         change, fit = min(tried, key=lambda pair: square(pair[1]))
         steps.append(step(_in_words(change), fit))
-        names = _after(names, change)
+        names = change.done(names)
         left.remove(change)
     for change in left:
         steps.append({'step': _in_words(change), 'error_N': error['best'],
                       'held_out_N': held.physics})
     return steps
-
-
-def _after(names: tuple[str, ...], change: Change) -> tuple[str, ...]:
-    """Return the effects of a model after a change."""
-    return tuple(sorted({*(n for n in names if n != change.old), change.new} - {''}))
 
 
 def _in_words(change: Change) -> str:

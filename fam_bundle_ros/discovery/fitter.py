@@ -11,7 +11,7 @@ white misfit (annealing): otherwise the discrepancy would absorb what physics ca
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -231,6 +231,11 @@ class Fitter:
         value = self._value(at)
         best = ascend(h, value, [axis for axis in self.covariance.axes if axis not in fixed])
         return best, value(best)
+
+    def beside_discrepancy(self, fit: Fit, start: Hyper) -> Fit:
+        """Return a fit with the same parameters, and the discrepancy most probable beside them."""
+        hyper, evidence = self.best_hyper(start, fit.linear)
+        return replace(fit, hyper=hyper, evidence=evidence)
 
     def _value(self, at: Linear, reached: bool = False) -> Value:
         """Return the log evidence of a linear model as a function of the hyperparameters."""

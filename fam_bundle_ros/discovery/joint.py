@@ -20,8 +20,8 @@ import numpy as np
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.material import sharings
-from fam_bundle_ros.discovery.options import head, Names, Options, with_name, without
-from fam_bundle_ros.discovery.posterior import Change, changes, Posterior
+from fam_bundle_ros.discovery.options import Change, head, Names, Options, with_name, without
+from fam_bundle_ros.discovery.posterior import Posterior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import Place
 
@@ -111,7 +111,7 @@ class JointPosterior:
         weight /= weight.sum()
         found: dict[str, float] = {}
         for each, share in zip(self._known, weight):
-            for label in {c.label for c in changes(self.options, each)}:
+            for label in {c.label for c in self.options.changes(each)}:
                 found[label] = found.get(label, 0.0) + float(share)
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
@@ -121,7 +121,7 @@ class JointPosterior:
         null = self.value(self.options.own)
         while True:
             loss = {change: self.value(names) - self.value(change.undone(names))
-                    for change in changes(self.options, names)}
+                    for change in self.options.changes(names)}
             least = min(loss, key=lambda change: loss[change], default=None)
             if least is None or loss[least] >= _needed(self.value(names) - null):
                 return names, sorted(loss, key=lambda change: -loss[change])
@@ -135,7 +135,7 @@ class JointPosterior:
         specimens with clear evidence against it, if the evidence of others is clearly for it.
         """
         fits = self.fits(names)
-        for change in changes(self.options, names):
+        for change in self.options.changes(names):
             fewer = change.undone(names)
             gain = [self._own(k, a, names) - self._own(k, b, fewer) for k, (a, b) in enumerate(
                 zip(self.fits(names), self.fits(fewer)))]

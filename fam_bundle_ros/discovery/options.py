@@ -73,6 +73,41 @@ def shapes_of(name: str, model: Bundle) -> list[Effect]:
 
 
 @dataclass(frozen=True)
+class Change:
+    """
+    One difference between a set and the model as given.
+
+    ``old`` is empty for an effect that is added, ``new`` for one that is removed.
+    """
+
+    old: str
+    new: str
+
+    @property
+    def name(self) -> str:
+        """Name of the effect that is added, else of the one that is removed."""
+        return self.new or self.old
+
+    @property
+    def label(self) -> str:
+        """Name in a ranking: the family of an added effect, or the shape that replaces another."""
+        return self.new if self.old and self.new else head(self.name)
+
+    def __str__(self) -> str:
+        if self.old and self.new:
+            return f'{self.new} for {self.old}'
+        return self.new or f'no {self.old}'
+
+    def done(self, names: Names) -> Names:
+        """Return the names of a set with this change."""
+        return tuple(sorted({*names, self.new} - {self.old, ''}))
+
+    def undone(self, names: Names) -> Names:
+        """Return the names of a set with this change reversed."""
+        return Change(self.new, self.old).done(names)
+
+
+@dataclass(frozen=True)
 class Options:
     """
     The sets of effects that may be tried.
@@ -187,26 +222,14 @@ class Options:
         total += odds * sum(head(name) not in heads for name in set(self.own) - wanted)
         return float(total)
 
-    def changes(self, names: Iterable[str]) -> int:
-        """Return the number of effects that a set adds, replaces or removes."""
-        wanted = set(names)
-        return len({head(name) for name in wanted ^ set(self.own)})
-
-    def added(self, names: Iterable[str]) -> list[str]:
-        """Return effects of a set whose head the model did not have."""
-        had = {head(name) for name in self.own}
-        return [name for name in names if head(name) not in had]
-
-    def replaced(self, names: Iterable[str]) -> dict[str, str]:
-        """Return effects of the model that have another shape in a set: old to new."""
-        wanted = set(names)
-        return {old: new for old in self.own if old not in wanted
-                for new in wanted if head(new) == head(old)}
-
-    def removed(self, names: Iterable[str]) -> list[str]:
-        """Return effects of the model that a set does not have."""
-        heads = {head(name) for name in names}
-        return [name for name in self.own if head(name) not in heads]
+    def changes(self, names: Names) -> list[Change]:
+        """Return the differences between a set and the model as given."""
+        own = {head(name) for name in self.own}
+        shapes = {head(name): name for name in names}
+        return [*(Change('', name) for name in names if head(name) not in own),
+                *(Change(old, shapes[head(old)]) for old in self.own
+                  if old not in names and head(old) in shapes),
+                *(Change(old, '') for old in self.own if head(old) not in shapes)]
 
     def further(self, names: Names) -> list[Names]:
         """Return the sets with one change more."""
@@ -222,16 +245,12 @@ class Options:
 
     def back(self, names: Names) -> list[Names]:
         """Return the sets with one change less."""
-        found = [without(names, name) for name in self.added(names)]
-        found += [with_name(without(names, new), old)
-                  for old, new in self.replaced(names).items()]
-        found += [with_name(names, name) for name in self.removed(names)]
-        return found
+        return [change.undone(names) for change in self.changes(names)]
 
     def reshaped(self, names: Names) -> list[Names]:
         """Return the sets with another shape of one effect that has been changed."""
-        changed = [*self.added(names), *self.replaced(names).values()]
-        return self._other_shapes(names, changed)
+        return self._other_shapes(
+            names, [change.new for change in self.changes(names) if change.new])
 
     def reshaped_own(self, names: Names) -> list[Names]:
         """Return the sets with another shape of one effect that the model has."""

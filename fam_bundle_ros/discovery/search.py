@@ -102,7 +102,7 @@ class Search:
             level = list({fit.names: fit for fit in [*_unlike(ranked), *_unlike(white)]}.values())
             if ranked[0].posterior > best.posterior:
                 best = ranked[0]
-            elif depth > self.options.changes(best.names) + 1:
+            elif depth > len(self.options.changes(best.names)) + 1:
                 break
         self._around(_WHITE)
         self._around(_WHOLE)

@@ -26,7 +26,7 @@ from fam_bundle_ros.discovery.estimates import estimates, with_intervals
 from fam_bundle_ros.discovery.held_out import beyond_cells
 from fam_bundle_ros.discovery.joint import JointPosterior
 from fam_bundle_ros.discovery.material import Constant, constants
-from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.search import Progress
 from fam_bundle_ros.discovery.settings import Choices

@@ -10,7 +10,8 @@ import pytest
 
 from fam_bundle_ros.discovery import answer_figures, Choices, diagnose
 from fam_bundle_ros.discovery.answer_figures import _beside
-from fam_bundle_ros.discovery.posterior import Change, LikelySet
+from fam_bundle_ros.discovery.options import Change
+from fam_bundle_ros.discovery.posterior import LikelySet
 from fam_bundle_ros.report.discovery_pages import diagnosis_page
 from fam_bundle_ros.report.page import render
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import Taken
-from fam_bundle_ros.discovery.options import head, Options, shapes_of, usual
+from fam_bundle_ros.discovery.options import Change, head, Options, shapes_of, usual
 from fam_bundle_ros.discovery.search import _ranked, Screened, Search
 from fam_bundle_ros.discovery.settings import (
     Choices,
@@ -31,7 +31,7 @@ def test_one_change_more_and_one_less_are_inverse(problem, paper_muscle):
     options = Options.of(paper_muscle, cells, Choices())
     further = options.further(options.own)
     assert all(options.own in options.back(names) for names in further)
-    assert {options.changes(names) for names in further} == {1}
+    assert {len(options.changes(names)) for names in further} == {1}
     assert all(len({head(n) for n in names}) == len(names) for names in further)
 
 
@@ -43,9 +43,9 @@ def test_the_models_own_effects_may_be_replaced_and_removed(problem, paper_muscl
     assert ('bladder_polynomial', 'mesh') in further
     assert ('mesh',) in further
     assert all('mesh' in names for names in further)
-    assert options.replaced(('bladder_polynomial', 'mesh')) == {
-        'bladder_elasticity': 'bladder_polynomial'}
-    assert options.removed(('mesh',)) == ['bladder_elasticity']
+    assert options.changes(('bladder_polynomial', 'mesh')) == [
+        Change('bladder_elasticity', 'bladder_polynomial')]
+    assert options.changes(('mesh',)) == [Change('bladder_elasticity', '')]
 
 
 def test_other_shapes_of_the_models_own_effects_are_tried_in_the_best_set(problem, paper_muscle):

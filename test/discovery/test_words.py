@@ -11,7 +11,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.protocol import Protocol, Sweep
 from fam_bundle_ros.discovery import words
 from fam_bundle_ros.discovery.experiment import Experiment
-from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.verdict import Finding, Left
 from fam_bundle_ros.discovery.words import (
     ascends,
