@@ -10,20 +10,19 @@ Add, replace or remove effects of a model and refit it; compare errors of severa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import permutations
 import math
 from typing import Any
 
-import numpy as np
-
 from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.floor import floor_of
@@ -32,6 +31,7 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
 from fam_bundle_ros.discovery.predict import matched, predict
 from fam_bundle_ros.discovery.result import Recommended
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import remaining_discrepancy
 from fam_bundle_ros.discovery.words import renamed
@@ -168,31 +168,28 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         if made.name in had or [e.name for e in incoming].count(made.name) > 1:
             raise InputError(f'{model.name} has {made.name} already; expected an effect that it '
                              'lacks')
-    cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    effects = {e.name: e for e in (*model.effects, *incoming)}
-    for item in listed:
-        if isinstance(item, str):
-            effects.update((e.name, e) for e in shapes_of(item, model) if e.name not in effects)
-    options = Options(model, cells, choices, effects)
+    open_ = [item for item in listed if isinstance(item, str)]
+    search = _search(model, data, choices, [
+        *incoming, *(shape for item in open_ for shape in shapes_of(item, model))])
     kept = had - set(replacing) - set(removing)
     asked = tuple(e.name for e in incoming[:len(listed)])
-    chosen, added = _best_shapes(fitter, options, kept | set(replacing.values()), asked,
-                                 [item for item in listed if isinstance(item, str)])
-    same = set(chosen.names) == had
-    log_odds = None if same else chosen.posterior - _fitted(fitter, options, had).posterior
+    chosen, added = _best_shapes(search, kept | set(replacing.values()), asked, open_)
+    own = search.options.own
+    log_odds = None if chosen.names == own else chosen.posterior - search.fit(own).posterior
+    fitter = search.fitter
     physics = fitter.without_discrepancy(chosen)
     held = held_out(fitter, physics, chosen)
     parameters = estimates(physics)
     words = [*added, *replacing.values(), *(f'without_{gone}' for gone in removing)]
     new = physics.model.named(name or renamed(model.name, words or ['recalibrated']))
-    error = rms(data.force - predict(new, data))
+    residual = data.force - predict(new, data)
+    error = rms(residual)
     new = with_intervals(new, parameters, error)
-    held = held.of_rows(beyond_cells(cells, physics, error))
+    held = held.of_rows(beyond_cells(fitter.cells, physics, error))
     return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
-                 floor_of(data, data.force - predict(new, data)), tuple(parameters), asked,
-                 replacing, tuple(removing), recommend(new, physics, chosen, held, fitter),
-                 log_odds, choices.odds)
+                 floor_of(data, residual), tuple(parameters), asked, replacing,
+                 tuple(removing), recommend(new, physics, chosen, held, fitter), log_odds,
+                 choices.odds)
 
 
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
@@ -219,28 +216,31 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
                        dict(held.rivals))
 
 
-def _best_shapes(fitter: Fitter, options: Options, kept: set[str], asked: Sequence[str],
-                 open_: Sequence[str]) -> tuple[Fit, tuple[str, ...]]:
+def _search(model: Bundle, data: Measurement, choices: Choices, added: Iterable[Effect] = (),
+            ) -> Search:
+    """Return a search over sets of a model's effects and some others."""
+    effects: dict[str, Effect] = {}
+    for effect in (*model.effects, *added):
+        effects.setdefault(effect.name, effect)
+    return Search(Options(model, reduce(model, data), choices, effects))
+
+
+def _best_shapes(search: Search, kept: set[str], asked: Sequence[str], open_: Sequence[str],
+                 ) -> tuple[Fit, tuple[str, ...]]:
     """Return the fit with the most probable shape of each effect, and the names of the shapes."""
     added = list(asked)
-    best = _fitted(fitter, options, kept | set(added))
+    best = search.fit(tuple(sorted(kept | set(added))))
     for slot, name in enumerate(asked):
         if name not in open_:
             continue
-        for shape in options.effects:
+        for shape in search.options.effects:
             if shape == name or head(shape) != name or shape in kept:
                 continue
             tried = [*added[:slot], shape, *added[slot + 1:]]
-            fit = _fitted(fitter, options, kept | set(tried))
+            fit = search.fit(tuple(sorted(kept | set(tried))))
             if fit.posterior > best.posterior:
                 best, added = fit, tried
     return best, tuple(added)
-
-
-def _fitted(fitter: Fitter, options: Options, names: set[str]) -> Fit:
-    chosen: Names = tuple(sorted(names))
-    return fitter.fit(chosen, options.bundle(chosen), options.priors(chosen),
-                      log_prior=options.log_prior(chosen))
 
 
 def _effect(item: str | Effect, model: Bundle) -> Effect:
@@ -327,7 +327,9 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     rivals: dict[str, float] = {}
     for model in models:
         own = matched(model, data)
-        fitter, joint, physics = _refitted(model, own)
+        search = _search(model, own, Choices())
+        fitter, joint = search.fitter, search.fit(search.options.own)
+        physics = fitter.without_discrepancy(joint)
         refitted = rms(own.force - predict(physics.model, own))
         held = held_out(fitter, physics, joint).of_rows(
             beyond_cells(fitter.cells, physics, refitted))
@@ -342,16 +344,6 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     assert best is not None
     own = matched(best[1], data)
     return Ladder(steps, floor_of(own, own.force - predict(best[1], own)), data.name, rivals)
-
-
-def _refitted(model: Bundle, data: Any) -> tuple[Fitter, Fit, Fit]:
-    """Return the fitter, and the model's own parameters refitted with and without discrepancy."""
-    choices = Choices()
-    cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    options = Options(model, cells, choices, {e.name: e for e in model.effects})
-    joint = fitter.fit(options.own, model, options.priors(options.own))
-    return fitter, joint, fitter.without_discrepancy(joint)
 
 
 @on_one_core
@@ -374,20 +366,12 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
         Such as ``{'end_caps, coulomb_friction': [6.7, 5.3, 0.7]}``; the first is recalibration.
     """
     data = matched(model, as_measurement(measurement))
-    choices = Choices()
-    cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    incoming = {name: _effect(name, model) for name in effects}
-    options = Options(model, cells, choices, {**{e.name: e for e in model.effects}, **incoming})
-    errors: dict[Names, float] = {}
+    search = _search(model, data, Choices(), [_effect(name, model) for name in effects])
 
+    @cache
     def error(names: Names) -> float:
-        if names not in errors:
-            fit = fitter.without_discrepancy(fitter.fit(names, options.bundle(names),
-                                                        options.priors(names)))
-            errors[names] = float(np.sqrt(np.mean(
-                (data.force - predict(fit.model, data)) ** 2)))
-        return errors[names]
+        fit = search.fitter.without_discrepancy(search.fit(names))
+        return rms(data.force - predict(fit.model, data))
 
-    return {', '.join(order): [error(tuple(sorted({*options.own, *order[:k]})))
+    return {', '.join(order): [error(tuple(sorted({*search.options.own, *order[:k]})))
                                for k in range(len(order) + 1)] for order in permutations(effects)}

@@ -33,9 +33,8 @@ from fam_bundle_ros.discovery.choice import (
     predictive,
 )
 from fam_bundle_ros.discovery.compare import compare, Comparison
-from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
-from fam_bundle_ros.discovery.fitter import Fit, Fitter
+from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
@@ -203,10 +202,8 @@ class Searched:
         """Return the finished search; ``lengths`` as in `Options.of`."""
         comparison = compare(model, measurement)
         data, offsets = _tared(comparison.measurement, comparison.residual)
-        cells = reduce(model, data)
-        fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-        search = Search(Options.of(model, cells, choices, lengths), fitter, progress).run()
-        return cls(comparison, data, offsets, search)
+        options = Options.of(model, reduce(model, data), choices, lengths)
+        return cls(comparison, data, offsets, Search(options, progress).run())
 
     def alone(self) -> Judged:
         """Choose the set that explains this measurement, and judge it."""

@@ -110,20 +110,23 @@ class Fit:
 @dataclass
 class Fitter:
     """
-    Fits models to cells under one covariance.
+    Fits models to the cells of a covariance.
 
     Attributes
     ----------
-    cells : Cells
     covariance : Covariance
     rival_errors : list of list of ndarray, N
         For each fold the errors of each rival on its test cells. They are the same for all models
         and computed once, by `held_out.held_out`.
     """
 
-    cells: Cells
     covariance: Covariance
     rival_errors: list[list[np.ndarray]] | None = None
+
+    @property
+    def cells(self) -> Cells:
+        """Cells to which the models are fitted."""
+        return self.covariance.cells
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""

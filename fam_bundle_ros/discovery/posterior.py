@@ -118,7 +118,7 @@ class Posterior:
                if k < settings.WEIGHED or fit.names == chosen.names]
         by_kind: dict[str, list[np.ndarray]] = {}
         for kind, _, test in folds(fitter.cells):
-            there = Fitter(fitter.cells, fitter.covariance.without(test))
+            there = Fitter(fitter.covariance.without(test))
             by_kind.setdefault(kind, []).append(log_softmax(
                 [there.evidence_of(whole.fits[k]) for k in top]))
         if not by_kind:

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.covariance import Hyper
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import COOLING, Fit, Fitter
 from fam_bundle_ros.discovery.linear import Linear, log_evidence
 from fam_bundle_ros.discovery.options import family, Names, Options
@@ -71,18 +72,23 @@ class Search:
     """
     The search for the sets of highest posterior.
 
+    Without `run` it fits only the sets that `fit` is asked for.
+
     Attributes
     ----------
     options : Options
-    fitter : Fitter
     fits : dict of Names to Fit
         Every set that was fitted.
     """
 
     options: Options
-    fitter: Fitter
     progress: Progress = None
     fits: dict[Names, Fit] = field(default_factory=dict)
+
+    @cached_property
+    def fitter(self) -> Fitter:
+        """Fits sets to the cells of the options."""
+        return Fitter(Covariance(self.options.cells, self.options.choices.unexplained))
 
     def run(self) -> Search:
         """Fit sets until no further change improves the best one."""

@@ -78,7 +78,7 @@ class Surface:
         """
         covariance = _covariance(fitter, model, needed, None)
         there = covariance.cells
-        local = Fitter(there, covariance)
+        local = Fitter(covariance)
         none = tuple(axis for axis, there in (('even', needed.even), ('odd', needed.both_ways))
                      if not there)
         small = local.first_hyper()._replace(**dict.fromkeys(none, 0))

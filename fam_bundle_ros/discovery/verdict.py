@@ -149,10 +149,8 @@ class Finding:
     Attributes
     ----------
     verdict : str
-    before, after : Left
-        Discrepancy of the model as given (recalibrated) and of the chosen set.
-    explained : float
-        Relative reduction of the recalibrated model's mean square error by the changes.
+    after : Left
+        Discrepancy of the chosen set.
     refusals, warnings : tuple of str
         Sentences; refusals are the reasons why effects that fit are not named.
     artefacts : tuple of Artefact
@@ -163,9 +161,7 @@ class Finding:
     """
 
     verdict: str
-    before: Left
     after: Left
-    explained: float
     refusals: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     artefacts: tuple[Artefact, ...] = ()
@@ -216,7 +212,6 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
         removed all effects, the verdict is `unexplained`, not `adequate`.
     """
     fitter, null, cells = search.fitter, search.null, search.fitter.cells
-    before = remaining_discrepancy(fitter.covariance, null, base)
     after = remaining_discrepancy(fitter.covariance, chosen, physics)
     needed = is_needed(evidence_of_structure(fitter, chosen), search.options.choices.inclusion)
     explained = _explained(base, physics) if found else 0.0
@@ -245,8 +240,7 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     else:
         rest = structured or after.total > negligible(cells)
         verdict = 'partial' if warnings or rest else 'missing_effect'
-    return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
-                   warnings, tuple(artefacts), faint)
+    return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint)
 
 
 def leaves_structure(search: Search, fit: Fit, physics: Fit) -> bool:

@@ -25,7 +25,7 @@ def swing(size, period=2.2):
 def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
     """Where the joint fit has a slow part; an error over the strain is none."""
     cells = reduce(paper_muscle, make_sweeps(), most=60)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options.of(paper_muscle, cells, Choices())
     fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
     slow = 6.0 * np.sin(cells.time / 33.0)

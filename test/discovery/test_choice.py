@@ -19,8 +19,6 @@ from fam_bundle_ros.discovery.choice import (
     predictive,
     within_standard_error,
 )
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import held_out_physics, squares_of_folds
 from fam_bundle_ros.discovery.options import Options, usual
 from fam_bundle_ros.discovery.search import Search
@@ -54,8 +52,7 @@ def measured(thick):
 def search(thick, measured):
     """Return the search for what the muscle lacks at two strains."""
     cells, choices = reduce(thick, measured(0.0, 0.07)), Choices()
-    return Search(Options.of(thick, cells, choices),
-                  Fitter(cells, Covariance(cells, choices.unexplained))).run()
+    return Search(Options.of(thick, cells, choices)).run()
 
 
 def test_between_two_strains_a_thick_muscle_is_as_a_usual_one(thick, measured):
@@ -152,8 +149,7 @@ def test_of_what_is_as_probable_as_nothing_the_effect_that_explains_all_alone_is
     """A small friction: none has half of the posterior, and warming up leaves all of it."""
     data = sweeps(paper_muscle.with_effect('coulomb_friction', force=3.0), cycles=1)
     cells, choices = reduce(paper_muscle, data), Choices()
-    search = Search(Options.of(paper_muscle, cells, choices),
-                    Fitter(cells, Covariance(cells, choices.unexplained)))
+    search = Search(Options.of(paper_muscle, cells, choices))
     own = search.options.own
     worth = {own: 0.0, tuple(sorted((*own, 'temperature'))): -0.4,
              tuple(sorted((*own, 'coulomb_friction'))): -0.5}
@@ -182,8 +178,7 @@ def test_a_shape_is_told_for_what_the_data_say_of_its_parameters(paper_muscle, s
                      np.concatenate([data.trial, 10 + slow.trial]),
                      np.concatenate([data.time, 1e3 + slow.time]))
     cells, choices = reduce(paper_muscle, data), Choices()
-    search = Search(Options.of(paper_muscle, cells, choices),
-                    Fitter(cells, Covariance(cells, choices.unexplained)))
+    search = Search(Options.of(paper_muscle, cells, choices))
     plain, more = (search.fit(tuple(sorted((*search.options.own, name))))
                    for name in ('coulomb_friction', 'stribeck_friction'))
     assert rise or abs(plain.posterior - more.posterior) < np.log(choices.odds)

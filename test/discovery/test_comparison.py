@@ -154,7 +154,7 @@ def test_a_held_muscle_is_told_of_in_filling_and_venting(paper_muscle):
     assert all(row['label'].endswith('kPa/s') for row in compared.tables['rate'])
     assert 'with the sign of the pressure change' in compared.located[0].where
     cells = reduce(paper_muscle, data)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
     fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
     shape = describe(cells, fitter.without_discrepancy(fit))[0]

@@ -59,7 +59,7 @@ def test_errors_of_rows_are_those_of_cells_and_what_rows_are_off_besides():
 def fitted(make_sweeps, paper_muscle):
     """Return a fitter on few cells, and the fit of the model without a discrepancy."""
     cells = reduce(paper_muscle, make_sweeps(cycles=1), most=60)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
     joint = fitter.fit(options.own, paper_muscle, options.priors(options.own))
     return fitter, fitter.without_discrepancy(joint)

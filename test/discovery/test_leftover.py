@@ -39,7 +39,7 @@ def surface(tmp_path):
 def fitted(model, data):
     """Return a fitter and the model's own effects fitted with and without a discrepancy."""
     cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options(model, cells, Choices(), {e.name: e for e in model.effects})
     joint = fitter.fit(options.own, model, options.priors(options.own))
     return fitter, joint, fitter.without_discrepancy(joint)

@@ -51,7 +51,7 @@ def test_the_models_own_effects_may_be_replaced_and_removed(problem, paper_muscl
 def test_other_shapes_of_the_models_own_effects_are_tried_in_the_best_set(problem, paper_muscle):
     """Each other bladder, beside whatever else the best set has."""
     cells, _, fitter = problem
-    search = Search(Options.of(paper_muscle, cells, Choices(most=1)), fitter).run()
+    search = Search(Options.of(paper_muscle, cells, Choices(most=1))).run()
     assert search.best.names == ('bladder_elasticity', 'coulomb_friction', 'mesh')
     others = search.options.reshaped_own(search.best.names)
     assert {'bladder_polynomial', 'coulomb_friction', 'mesh'} in map(set, others)

@@ -215,7 +215,7 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
                                                         coefficient):
     """What a shape brings is the fall of chi2 beside the model's own parameters."""
     cells = reduce(paper_muscle, sweeps(extra=extra))
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
     joint = fitter.fit(options.own, paper_muscle, options.priors(options.own))
     fit = fitter.without_discrepancy(joint)

@@ -39,7 +39,7 @@ GOOD = HeldOut(1.0, 1.0, {'mean': 9.0, 'plane': 5.0, 'empirical': 2.0}, {})
 def search(make_sweeps, paper_muscle):
     """Return a search in which sets have the log posteriors that a test writes down."""
     cells = reduce(paper_muscle, make_sweeps(), most=60)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options.of(paper_muscle, cells, Choices())
     one = fitter.fit(options.own, paper_muscle, options.priors(options.own))
 
@@ -366,8 +366,7 @@ def test_a_bent_law_is_an_answer_only_down_to_the_noise(search, monkeypatch, str
     ('partial', {'refusals': ('a plane is as good',)}, True, 0.5)])
 def test_no_more_is_shown_than_the_doubts_allow(verdict, doubt, named, told):
     """An effect that the held-out folds refused is not shown as all but certain."""
-    left = verdicts.Left(1.0, 0.0)
-    finding = verdicts.Finding(verdict, left, left, 0.8, **doubt)
+    finding = verdicts.Finding(verdict, verdicts.Left(1.0, 0.0), **doubt)
     assert verdicts.shown_probability(finding, 0.99, named) == told
     assert verdicts.shown_probability(finding, 0.3, named) == 0.3
 
