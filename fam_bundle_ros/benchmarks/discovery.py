@@ -119,8 +119,7 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
 def visible_rms(case: make.Case) -> float:
     """Return the rms error of the refitted model without the hidden effect, in noise sd."""
     cells = reduce(case.model, case.data)
-    search = Search(Options(case.model, cells, Choices(), {
-        e.name: e for e in case.model.effects}))
+    search = Search(Options(case.model, cells, Choices()))
     base = search.fitter.without_discrepancy(search.fit(search.options.own))
     missed = predict(base.model, case.data) - case.shown_force
     return float(np.sqrt(np.mean(missed ** 2))) / case.noise

@@ -10,7 +10,7 @@ Add, replace or remove effects of a model and refit it; compare errors of severa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
@@ -18,7 +18,6 @@ import math
 from typing import Any
 
 from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.discovery import settings
@@ -169,8 +168,8 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
             raise InputError(f'{model.name} has {made.name} already; expected an effect that it '
                              'lacks')
     open_ = [item for item in listed if isinstance(item, str)]
-    search = _search(model, data, choices, [
-        *incoming, *(shape for item in open_ for shape in shapes_of(item, model))])
+    shapes = (shape for item in open_ for shape in shapes_of(item, model))
+    search = Search(Options(model, reduce(model, data), choices, (*incoming, *shapes)))
     kept = had - set(replacing) - set(removing)
     asked = tuple(e.name for e in incoming[:len(listed)])
     chosen, added = _best_shapes(search, kept | set(replacing.values()), asked, open_)
@@ -214,15 +213,6 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
     return Recommended(model, tuple(effect.name for effect in best.effects), leftover,
                        held.best if surface else held.physics, held.physics, held.discrepancy,
                        dict(held.rivals))
-
-
-def _search(model: Bundle, data: Measurement, choices: Choices, added: Iterable[Effect] = (),
-            ) -> Search:
-    """Return a search over sets of a model's effects and some others."""
-    effects: dict[str, Effect] = {}
-    for effect in (*model.effects, *added):
-        effects.setdefault(effect.name, effect)
-    return Search(Options(model, reduce(model, data), choices, effects))
 
 
 def _best_shapes(search: Search, kept: set[str], asked: Sequence[str], open_: Sequence[str],
@@ -327,7 +317,7 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     rivals: dict[str, float] = {}
     for model in models:
         own = matched(model, data)
-        search = _search(model, own, Choices())
+        search = Search(Options(model, reduce(model, own), Choices()))
         fitter, joint = search.fitter, search.fit(search.options.own)
         physics = fitter.without_discrepancy(joint)
         refitted = rms(own.force - predict(physics.model, own))
@@ -366,7 +356,8 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
         Such as ``{'end_caps, coulomb_friction': [6.7, 5.3, 0.7]}``; the first is recalibration.
     """
     data = matched(model, as_measurement(measurement))
-    search = _search(model, data, Choices(), [_effect(name, model) for name in effects])
+    search = Search(Options(model, reduce(model, data), Choices(), tuple(
+        _effect(name, model) for name in effects)))
 
     @cache
     def error(names: Names) -> float:

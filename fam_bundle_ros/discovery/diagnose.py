@@ -92,9 +92,11 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     fitter, cells = search.fitter, search.fitter.cells
     if progress:
         progress(0.9, 'weighing what is left')
-    chosen, found, physics, base, held, finding = searched.alone()
+    judged = searched.alone()
+    chosen, found, physics, base, held, finding = judged
     answer = found if finding.named else []
-    final, joint = (physics, chosen) if finding.named else (base, search.null)
+    final = judged.final
+    joint = chosen if finding.named else search.null
     posterior = Posterior.over_folds(search, chosen)
     ties = tuple(posterior.ties(answer, chosen, choices.odds))
     trades = tuple(posterior.trades(chosen, choices.odds, ties)) if answer else ()
@@ -174,6 +176,11 @@ class Judged(NamedTuple):
     held: HeldOut
     finding: Finding
 
+    @property
+    def final(self) -> Fit:
+        """The set without a discrepancy, or the model as given if the verdict refuses the set."""
+        return self.physics if self.finding.named else self.base
+
 
 @dataclass(frozen=True)
 class Searched:
@@ -248,8 +255,8 @@ def _written(model: Bundle, fit: Fit, parameters: list) -> Bundle:
     new = [effect.name for effect in fit.model.effects if effect.name not in had]
     gone = [name for name in had if name not in {e.name for e in fit.model.effects}]
     words = [*new, *(f'without_{name}' for name in gone)] or ['recalibrated']
-    error = float(np.sqrt(np.mean(fit.residual ** 2)))
-    return with_intervals(fit.model.named(renamed(model.name, words)), parameters, error)
+    return with_intervals(fit.model.named(renamed(model.name, words)), parameters,
+                          rms(fit.residual))
 
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,
@@ -261,26 +268,28 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
                               key=lambda label: -posterior.of_label(label))]
     entries = []
     for place, label in enumerate(order):
-        best = posterior.best_with(label)
-        if best is None:
-            continue
-        fit, change = best
+        best, change = posterior.best_with(label)
+        fit = best
         if label in chosen:
             fit, change = final, chosen[label]
         elif place < max(_TOLD, len(chosen) + 2):
-            fit = fitter.without_discrepancy(fit)
-        square = np.average(fit.residual ** 2, weights=fitter.cells.count)
-        error = float(np.hypot(np.sqrt(square), beyond))
+            fit = fitter.without_discrepancy(best)
+        error = _error_of_rows(search, fit, beyond)
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
         probability = shown_probability(finding, posterior.of_label(label), label in chosen)
         law = catalogue.available().get(name)
         entries.append(Candidate(
             label, name, family(name), probability, error,
-            search.best.posterior - best[0].posterior, tuple(own),
+            search.best.posterior - best.posterior, tuple(own),
             law.signature if law else '', replaces=change.old if change.new else '',
             removes=not change.new))
     return tuple(entries)
+
+
+def _error_of_rows(search: Search, fit: Fit, beyond: float) -> float:
+    """Return the error of a fit with the scatter of rows about their cells added, N rms."""
+    return float(np.hypot(np.sqrt(search.fitter.cells.mean_square(fit.residual)), beyond))
 
 
 def _ladder(search: Search, answer: list[Change], error: dict[str, float], base: Fit,
@@ -288,11 +297,8 @@ def _ladder(search: Search, answer: list[Change], error: dict[str, float], base:
     """Return the error after each change, on all rows and on held-out folds."""
     fitter = search.fitter
 
-    def square(fit: Fit) -> float:
-        return float(np.average(fit.residual ** 2, weights=fitter.cells.count))
-
     def step(words: str, fit: Fit) -> dict[str, Any]:
-        return {'step': words, 'error_N': float(np.hypot(np.sqrt(square(fit)), beyond)),
+        return {'step': words, 'error_N': _error_of_rows(search, fit, beyond),
                 'held_out_N': float(np.hypot(held_out_physics(fitter, fit), beyond))}
 
     steps = [{'step': 'model', 'error_N': error['model'], 'held_out_N': error['model']},
@@ -302,7 +308,7 @@ def _ladder(search: Search, answer: list[Change], error: dict[str, float], base:
         # the change that reduces the error most comes first
         tried = [(change, fitter.without_discrepancy(search.fit(change.done(names))))
                  for change in left]
-        change, fit = min(tried, key=lambda pair: square(pair[1]))
+        change, fit = min(tried, key=lambda pair: fitter.cells.mean_square(pair[1].residual))
         steps.append(step(_in_words(change), fit))
         names = change.done(names)
         left.remove(change)

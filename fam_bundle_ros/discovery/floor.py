@@ -10,8 +10,8 @@ from fam_bundle_ros.data.mean_noise import mean_noise
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.cells import extent, stretches, unknown_direction, visits
-from fam_bundle_ros.discovery.outliers import spikes
+from fam_bundle_ros.discovery.cells import extent, visits
+from fam_bundle_ros.discovery.log_rows import spikes, stretches, unknown_direction
 
 
 def floor_of(data: Measurement, residual: np.ndarray) -> NoiseFloor:

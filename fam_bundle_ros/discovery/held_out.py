@@ -127,8 +127,7 @@ def beyond_cells(cells: Cells, fit: Fit, error: float) -> float:
     error : float, N
         Rms error of the fitted model on all rows of the measurement.
     """
-    square = float(np.average(fit.residual ** 2, weights=cells.count))
-    return float(np.sqrt(max(error ** 2 - square, 0.0)))
+    return float(np.sqrt(max(error ** 2 - cells.mean_square(fit.residual), 0.0)))
 
 
 def held_out_physics(fitter: Fitter, fit: Fit) -> float:
@@ -149,7 +148,7 @@ def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
         found.append(float(np.sum(cells.count[test] * off ** 2)))
         rows += float(cells.count[test].sum())
     if not found:
-        return np.array([np.average(fit.residual ** 2, weights=cells.count)])
+        return np.array([cells.mean_square(fit.residual)])
     return np.array(found) / rows
 
 

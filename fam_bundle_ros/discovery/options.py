@@ -41,12 +41,6 @@ def family(name: str) -> str:
     return _identities().get(name, (name, 'user'))[1]
 
 
-def makers(kind: str) -> tuple[str, ...]:
-    """Return the families of laws which, when missing in a model, leave this shape of error."""
-    return tuple(sorted({law.family for law in catalogue.available().values()
-                         if kind in law.leaves}))
-
-
 def usual(law: Law, model: Bundle) -> Effect:
     """
     Return an effect with its default values scaled to the size of a model's muscles.
@@ -117,14 +111,14 @@ class Options:
     model : Bundle
     cells : Cells
     choices : Choices
-    effects : dict of str to Effect
-        Effects of the model and those that may be added, by name.
+    addable : tuple of Effect
+        Effects that may be added to those of the model.
     """
 
     model: Bundle
     cells: Cells
     choices: Choices
-    effects: dict[str, Effect]
+    addable: tuple[Effect, ...] = ()
 
     @classmethod
     def of(cls, model: Bundle, cells: Cells, choices: Choices, lengths: int = 1) -> Options:
@@ -138,17 +132,26 @@ class Options:
         """
         has = {'': True, 'several lengths': lengths > 1, 'length readings': any(
             taken.quantity == 'length' for taken in cells.data.taken)}
-        effects = {effect.name: effect for effect in model.effects}
+        own = {effect.name for effect in model.effects}
+        addable = []
         for name, kind in catalogue.available().items():
-            if name in effects or not kind.candidate or kind.load is not None:
+            if name in own or not kind.candidate or kind.load is not None:
                 continue
             if kind.place is Place.PNEUMATICS or not has[kind.needs] or (
                     kind.needs_time and cells.data.is_static):
                 continue
             effect = usual(kind, model)
             if not _has_no_parameters(effect) and not _has_no_influence(model, effect, cells):
-                effects[name] = effect
-        return cls(model, cells, choices, effects)
+                addable.append(effect)
+        return cls(model, cells, choices, tuple(addable))
+
+    @cached_property
+    def effects(self) -> dict[str, Effect]:
+        """Effects of the model and those that may be added, by name."""
+        effects = {effect.name: effect for effect in self.model.effects}
+        for effect in self.addable:
+            effects.setdefault(effect.name, effect)
+        return effects
 
     @cached_property
     def own(self) -> Names:

@@ -162,13 +162,10 @@ class Posterior:
         """Return the probability of a change by its label."""
         return self.probability(lambda change: change.label == label)
 
-    def best_with(self, label: str) -> tuple[Fit, Change] | None:
+    def best_with(self, label: str) -> tuple[Fit, Change]:
         """Return the most probable set with a change of this label, and that change."""
-        for fit, set_ in zip(self.fits, self._changes):
-            for change in set_:
-                if change.label == label:
-                    return fit, change
-        return None
+        return next((fit, change) for fit, set_ in zip(self.fits, self._changes)
+                    for change in set_ if change.label == label)
 
     def ties(self, named: Iterable[Change], chosen: Fit, odds: float) -> list[tuple[str, ...]]:
         """
@@ -238,6 +235,11 @@ class Posterior:
         return float(np.sqrt(total / weight_sum)) if weight_sum else None
 
 
+def least_loss(gain: float) -> float:
+    """Return the loss of log posterior from which an effect is named, if all together gain so."""
+    return max(settings.LEAST_LOSS, settings.LEAST_SHARE * gain)
+
+
 def named(search: Search, fit: Fit) -> tuple[Fit, list[Change], dict[str, float]]:
     """
     Return a set reduced to the effects to name, its changes and their losses by label.
@@ -252,7 +254,7 @@ def named(search: Search, fit: Fit) -> tuple[Fit, list[Change], dict[str, float]
                 for change in options.changes(fit.names)}
         gain = fit.posterior - search.null.posterior
         least = min(loss, key=lambda change: loss[change], default=None)
-        if least is None or loss[least] >= max(settings.LEAST_LOSS, settings.LEAST_SHARE * gain):
+        if least is None or loss[least] >= least_loss(gain):
             order = sorted(loss, key=lambda change: -loss[change])
             return fit, order, {change.label: loss[change] for change in order}
         fit = search.fits[least.undone(fit.names)]

@@ -21,7 +21,7 @@ from fam_bundle_ros.data.measurement import BY_PRESSURE
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.artefacts import Artefact
 from fam_bundle_ros.discovery.cells import Cells, negligible
-from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.covariance import Covariance, GRID
 from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.linear import log_evidence
@@ -80,7 +80,7 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     the parameters of that fit are implausible.
     """
     h = fit.hyper._replace(slow=0)
-    rough = covariance.white_sd(fit.hyper)
+    rough = float(np.sqrt(covariance.variance(fit.hyper.white)))
     if h.is_white:
         return Left(0.0, rough, rough)
     smooth = covariance.mean_of(h, fit.hyper, fit.residual)
@@ -131,9 +131,7 @@ def evidence_of_structure(fitter: Fitter, fit: Fit) -> float:
         for axis in ('white', 'slow', 'tau'):
             if axis not in fitter.covariance.axes:
                 continue
-            places = range(len(settings.AMPLITUDES) if axis != 'tau'
-                           else len(settings.TIME_LENGTHS))
-            tries = [h._replace(**{axis: place}) for place in places]
+            tries = [h._replace(**{axis: place}) for place in range(getattr(GRID, axis))]
             values = [log_evidence(fitter.covariance, q, fit.linear) for q in tries]
             h, best = tries[int(np.argmax(values))], max(best, max(values))
         if h == before:

@@ -21,7 +21,7 @@ def test_rounding_does_not_choose_between_sets_that_are_alike(rounding):
     """Compiled and plain laws differ in the last digit; what is better goes first all the same."""
     sets = [Screened((name,), {}, value, 0.0)
             for name, value in (('c', 3.0), ('b', 3.0 + rounding), ('d', 2.0), ('e', 4.0))]
-    assert [each.names for each in _ranked(sets, lambda each: each.value)] == [
+    assert [each.names for each in _ranked(sets, lambda each: each.posterior)] == [
         ('e',), ('b',), ('c',), ('d',)]
 
 

@@ -10,9 +10,8 @@ import pytest
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices, SMALL
 from fam_bundle_ros.discovery.templates import _lagged, _signed, bank, describe
 from fam_bundle_ros.model import Bundle, MotorUnit
@@ -215,9 +214,8 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
                                                         coefficient):
     """What a shape brings is the fall of chi2 beside the model's own parameters."""
     cells = reduce(paper_muscle, sweeps(extra=extra))
-    fitter = Fitter(Covariance(cells, 0.01))
-    options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
-    joint = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    search = Search(Options(paper_muscle, cells, Choices()))
+    fitter, joint = search.fitter, search.fit(search.options.own)
     fit = fitter.without_discrepancy(joint)
     found = describe(cells, fit, most=4)
     assert found[0].words.startswith(words)
