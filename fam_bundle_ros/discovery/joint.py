@@ -20,7 +20,7 @@ import numpy as np
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.material import sharings
-from fam_bundle_ros.discovery.options import Change, head, Names, Options, with_name, without
+from fam_bundle_ros.discovery.options import Change, head, Names, Options
 from fam_bundle_ros.discovery.posterior import least_loss, Posterior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import Place
@@ -147,7 +147,7 @@ class JointPosterior:
     def _without_weak(search: Search, fit: Fit) -> Fit:
         """Return a fit without sensor errors whose evidence is too weak to name them."""
         while True:
-            fewer = [search.fit(without(fit.names, name))
+            fewer = [search.fit(Change(name, '').done(fit.names))
                      for name in sensor_errors(search.options, fit.names)]
             best = max(fewer, key=lambda each: each.posterior, default=None)
             if best is None or fit.posterior - best.posterior >= least_loss(
@@ -175,5 +175,5 @@ def _ties(names: Names, own: Sequence[str], others: Sequence[str],
           value: Callable[[Names], float], least: float) -> tuple[tuple[str, ...], ...]:
     """Return groups: one of a set's ``own``, then the others that keep its value above least."""
     groups = [(name, *(other for other in others
-                       if value(with_name(without(names, name), other)) > least)) for name in own]
+                       if value(Change(name, other).done(names)) > least)) for name in own]
     return tuple(group for group in groups if len(group) > 1)

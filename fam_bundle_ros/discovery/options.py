@@ -237,13 +237,11 @@ class Options:
     def further(self, names: Names) -> list[Names]:
         """Return the sets with one change more."""
         had, own_heads = {head(name) for name in names}, {head(name) for name in self.own}
-        found = [with_name(names, name) for name in self.effects
+        found = [Change('', name).done(names) for name in self.effects
                  if head(name) not in had and head(name) not in own_heads]
         for name in set(names) & set(self.own) - self.fixed:
-            rest = without(names, name)
-            found += [with_name(rest, shape) for shape in self._shapes[head(name)]
-                      if shape != name]
-            found.append(rest)
+            found += [Change(name, shape).done(names)
+                      for shape in (*self._shapes[head(name)], '') if shape != name]
         return found
 
     def back(self, names: Names) -> list[Names]:
@@ -260,18 +258,8 @@ class Options:
         return self._other_shapes(names, set(names) & set(self.own) - self.fixed)
 
     def _other_shapes(self, names: Names, of: Iterable[str]) -> list[Names]:
-        return [with_name(without(names, name), shape) for name in sorted(of)
+        return [Change(name, shape).done(names) for name in sorted(of)
                 for shape in self._shapes[head(name)] if shape not in (name, *self.own)]
-
-
-def with_name(names: Names, name: str) -> Names:
-    """Return a set with a name added."""
-    return tuple(sorted({*names, name}))
-
-
-def without(names: Names, name: str) -> Names:
-    """Return a set without a name."""
-    return tuple(other for other in names if other != name)
 
 
 def _has_no_parameters(effect: Effect) -> bool:

@@ -11,7 +11,7 @@ import pytest
 
 from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery import rivals
-from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.cells import Cells, reduce
 from fam_bundle_ros.discovery.held_out import (
     beyond_cells,
     folds,
@@ -49,6 +49,7 @@ def test_errors_of_rows_are_those_of_cells_and_what_rows_are_off_besides():
     assert rows.discrepancy == pytest.approx(np.hypot(4.0, 4.0))
     assert rows.kinds == HELD.kinds
     cells = SimpleNamespace(count=np.array([1.0, 3.0]))
+    cells.mean_square = lambda residual: Cells.mean_square(cells, residual)
     fit = SimpleNamespace(residual=np.array([4.0, -2.0]))
     assert beyond_cells(cells, fit, 5.0) == pytest.approx(np.sqrt(25.0 - 28.0 / 4.0))
     assert beyond_cells(cells, fit, 1.0) == 0.0
