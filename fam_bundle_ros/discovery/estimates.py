@@ -93,14 +93,9 @@ def unit_of(model: Bundle, key: str) -> tuple[str, float]:
 
 def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
     """
-    Return every fitted parameter with its interval and flag.
+    Return every parameter of a fit without a discrepancy, with its interval and flag.
 
-    Parameters
-    ----------
-    fit : Fit
-        Fitted without a discrepancy.
-    posterior : Posterior, optional
-        Widens the intervals by the spread over other likely sets.
+    A posterior widens the intervals by the spread over other likely sets.
     """
     own, dead = _spread(fit), is_dead(fit)
     bound = fit.at_bound

@@ -209,19 +209,9 @@ class Posterior:
 
     def spread(self, key: str, value: float) -> float | None:
         """
-        Return the standard deviation of u about a value, over all sets with this parameter.
+        Return the standard deviation of a parameter's u about a value, over all sets with it.
 
-        Parameters
-        ----------
-        key : str
-            Of the parameter.
-        value : float
-            Coordinate u.
-
-        Returns
-        -------
-        float or None
-            None if no set has the parameter.
+        None if no set has the parameter.
         """
         total = weight_sum = 0.0
         for fit, weight in zip(self.fits, self.weights):

@@ -264,12 +264,8 @@ def is_needed(need: float, inclusion: float) -> bool:
     """
     Return whether the data need a smooth discrepancy, with the same prior odds as an effect.
 
-    Parameters
-    ----------
-    need : float
-        Log Bayes factor of `evidence_of_structure`.
-    inclusion : float
-        Prior probability that something is missing.
+    ``need`` is the log Bayes factor of `evidence_of_structure`, ``inclusion`` the prior
+    probability that something is missing.
     """
     return bool(need + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS)
 
