@@ -17,14 +17,17 @@ from itertools import permutations
 import math
 from typing import Any
 
+import numpy as np
+
 from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.compare import floor_of
 from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
-from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
@@ -175,20 +178,24 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     chosen, added = _best_shapes(search, kept | set(replacing.values()), asked, open_)
     own = search.options.own
     log_odds = None if chosen.names == own else chosen.posterior - search.fit(own).posterior
-    fitter = search.fitter
-    physics = fitter.without_discrepancy(chosen)
-    held = held_out(fitter, physics, chosen)
+    physics, held, residual = _alone(search, chosen, data)
     parameters = estimates(physics)
     words = [*added, *replacing.values(), *(f'without_{gone}' for gone in removing)]
-    new = physics.model.named(name or renamed(model.name, words or ['recalibrated']))
-    residual = data.force - predict(new, data)
-    error = rms(residual)
-    new = with_intervals(new, parameters, error)
-    held = held.of_rows(beyond_cells(fitter.cells, physics, error))
-    return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
-                 floor_of(data, residual), tuple(parameters), asked, replacing,
-                 tuple(removing), recommend(new, physics, chosen, held, fitter), log_odds,
-                 choices.odds)
+    new = with_intervals(
+        physics.model.named(name or renamed(model.name, words or ['recalibrated'])), parameters,
+        rms(residual))
+    return Added(new, added, rms(data.force - predict(model, data)), rms(residual), held.physics,
+                 floor_of(data, residual), tuple(parameters), asked, replacing, tuple(removing),
+                 recommend(new, physics, chosen, held, search.fitter), log_odds, choices.odds)
+
+
+def _alone(search: Search, joint: Fit, data: Measurement) -> tuple[Fit, HeldOut, np.ndarray]:
+    """Return a set fitted without discrepancy, its held-out errors and its residual of rows, N."""
+    fitter = search.fitter
+    physics = fitter.without_discrepancy(joint)
+    residual = data.force - predict(physics.model, data)
+    beyond = beyond_cells(fitter.cells, physics, rms(residual))
+    return physics, held_out(fitter, physics, joint).of_rows(beyond), residual
 
 
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
@@ -313,27 +320,19 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     if not models:
         raise InputError('a ladder needs at least one model')
     steps: list[dict[str, Any]] = []
-    best: tuple[float, Bundle] | None = None
-    rivals: dict[str, float] = {}
+    residuals = []
     for model in models:
         own = matched(model, data)
         search = Search(Options(model, reduce(model, own), Choices()))
-        fitter, joint = search.fitter, search.fit(search.options.own)
-        physics = fitter.without_discrepancy(joint)
-        refitted = rms(own.force - predict(physics.model, own))
-        held = held_out(fitter, physics, joint).of_rows(
-            beyond_cells(fitter.cells, physics, refitted))
-        rivals = held.rivals
+        _, held, residual = _alone(search, search.fit(search.options.own), own)
         steps.append({
             'step': model.name, 'error_N': rms(own.force - predict(model, own)),
-            'refitted_N': refitted, 'held_out_N': held.physics,
+            'refitted_N': rms(residual), 'held_out_N': held.physics,
             'held_out_discrepancy_N': held.discrepancy,
             'effects': [effect.name for effect in model.effects], 'rows': len(own)})
-        if best is None or refitted < best[0]:
-            best = (refitted, physics.model)
-    assert best is not None
-    own = matched(best[1], data)
-    return Ladder(steps, floor_of(own, own.force - predict(best[1], own)), data.name, rivals)
+        residuals.append((own, residual))
+    best = min(residuals, key=lambda pair: rms(pair[1]))
+    return Ladder(steps, floor_of(*best), data.name, held.rivals)
 
 
 @on_one_core

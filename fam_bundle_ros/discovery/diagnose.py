@@ -32,10 +32,9 @@ from fam_bundle_ros.discovery.choice import (
     likelier_than_not,
     predictive,
 )
-from fam_bundle_ros.discovery.compare import compare, Comparison
+from fam_bundle_ros.discovery.compare import compare, Comparison, floor_of
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
 from fam_bundle_ros.discovery.fitter import Fit
-from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Change, family, Options
