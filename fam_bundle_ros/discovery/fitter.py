@@ -258,9 +258,11 @@ class Fitter:
         It depends on the set alone: where a similar set is far off (geometry that stands in for a
         missing bladder), a fit that starts there may end at a local optimum.
         """
-        white, point, _ = self._annealed(model, priors, self._point(model, priors, {}), 12, _ROUGH)
-        found = self._climb(model, priors, point, self.first_hyper(), 2)
-        return self._finished(names, model, priors, found, white, log_prior)
+        u, residual, slopes = self._point(model, priors, {})
+        start = Fit(names, model, tuple(priors), u, Hyper(), residual, slopes, -np.inf,
+                    log_prior=log_prior)
+        white, point, _ = self._annealed(start, 12, _ROUGH)
+        return self._finished(start, self._climb(start, point, self.first_hyper(), 2), white)
 
     def from_similar(self, fit: Fit, start: Mapping[str, float], hyper: Hyper) -> Fit:
         """
@@ -274,10 +276,9 @@ class Fitter:
         hyper : Hyper
             Of the similar set.
         """
-        found = self._climb(fit.model, fit.priors, self._point(fit.model, fit.priors, start),
-                            hyper, 99)
+        found = self._climb(fit, self._point(fit.model, fit.priors, start), hyper, 99)
         return fit if found[0] <= fit.evidence else self._finished(
-            fit.names, fit.model, fit.priors, found, fit.white_evidence, fit.log_prior)
+            fit, found, fit.white_evidence)
 
     def _point(self, model: Bundle, priors: Sequence[Prior], start: Mapping[str, float]) -> Point:
         u = np.array([np.clip(start.get(p.key, p.start), *p.limits) for p in priors])
@@ -289,42 +290,41 @@ class Fitter:
 
         A discrepancy biases the physical parameters (Brynjarsdottir and O'Hagan 2014).
         """
-        found = self._annealed(fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
-        return self._finished(fit.names, fit.model, fit.priors, found, found[0], fit.log_prior)
+        found = self._annealed(fit, 25)
+        return self._finished(fit, found, found[0])
 
-    def _annealed(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
-                  tolerance: float = 0.05) -> Found:
+    def _annealed(self, fit: Fit, iterations: int, tolerance: float = 0.05) -> Found:
         """Fit without discrepancy: reduce the white misfit as long as the evidence grows."""
         best: Found | None = None
+        point: Point = fit.u, fit.residual, fit.slopes
         for place in COOLING:
             h = Hyper(white=place)
-            point = self.most_probable(model, priors, point[0], self.whitener(h), iterations,
-                                       tolerance, point)
-            value = log_evidence(self.covariance, h, Linear.of(priors, *point), reached=True)
+            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h),
+                                       iterations, tolerance, point)
+            value = log_evidence(self.covariance, h, Linear.of(fit.priors, *point), reached=True)
             if best is not None and value <= best[0]:
                 break
             best = (value, point, h)
         assert best is not None
         return best
 
-    def _finished(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
-                  found: Found, white: float, log_prior: float) -> Fit:
+    def _finished(self, fit: Fit, found: Found, white: float) -> Fit:
+        """Return a fit that ends at what was found, with its evidence without a discrepancy."""
         evidence, (u, residual, slopes), h = found
         whitened = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + whitened.T @ whitened)
-        at = Linear.of(priors, u, residual, slopes)
-        promise = log_evidence(self.covariance, h, at) - evidence
-        return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
-                   slopes, evidence, white, log_prior, promise, spread)
+        at = Linear.of(fit.priors, u, residual, slopes)
+        return replace(fit, model=with_coordinates(fit.model, fit.priors, u), u=u, hyper=h,
+                       residual=residual, slopes=slopes, evidence=evidence, white_evidence=white,
+                       promise=log_evidence(self.covariance, h, at) - evidence, covariance=spread)
 
-    def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
-               ) -> Found:
+    def _climb(self, fit: Fit, point: Point, h: Hyper, reach: int) -> Found:
         """Fit parameters and hyperparameters alternately; return the best evidence."""
         best: Found | None = None
         for k in range(8):
-            point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
-                                       _ROUGH, point)
-            at = Linear.of(priors, *point)
+            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h),
+                                       6 if k else 12, _ROUGH, point)
+            at = Linear.of(fit.priors, *point)
             linear, reached = self._value(at), self._value(at, reached=True)
             now = reached(h)
             value = reached if linear(h) > now + _ROUGH else linear
