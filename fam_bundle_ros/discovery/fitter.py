@@ -91,6 +91,11 @@ class Fit:
         """Log posterior of the set fitted without a discrepancy, up to a constant."""
         return self.white_evidence + self.log_prior
 
+    @property
+    def point(self) -> Point:
+        """The fitted u, with residual and slopes there."""
+        return self.u, self.residual, self.slopes
+
     @cached_property
     def start(self) -> dict[str, float]:
         """The fitted u by key of the parameter: start values for a neighbouring set."""
@@ -175,9 +180,9 @@ class Fitter:
         """
         return fit.log_prior - fit.promise + log_evidence(self.covariance, fit.hyper, fit.linear)
 
-    def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
+    def most_probable(self, model: Bundle, priors: Sequence[Prior], at: Point,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
-                      tolerance: float = 0.05, at: Point | None = None) -> Point:
+                      tolerance: float = 0.05) -> Point:
         """
         Return the most probable u under a covariance, with residual and slopes at it.
 
@@ -187,15 +192,13 @@ class Fitter:
 
         Parameters
         ----------
-        u : ndarray, shape (p,)
-            Start values.
+        at : Point
+            Where to start.
         whiten : callable
             Whitens residuals (n,) or slopes (n, p).
-        at : Point, optional
-            Residual and slopes at u, if known.
         """
         low, high = np.array([prior.limits for prior in priors]).T
-        residual, slopes = at[1:] if at is not None else self.linearised(model, priors, u)
+        u, residual, slopes = at
         damping = 1e-3
         for _ in range(iterations):
             white = whiten(np.concatenate([residual[:, None], slopes], axis=1))
@@ -296,11 +299,11 @@ class Fitter:
     def _annealed(self, fit: Fit, iterations: int, tolerance: float = 0.05) -> Found:
         """Fit without discrepancy: reduce the white misfit as long as the evidence grows."""
         best: Found | None = None
-        point: Point = fit.u, fit.residual, fit.slopes
+        point = fit.point
         for place in COOLING:
             h = Hyper(white=place)
-            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h),
-                                       iterations, tolerance, point)
+            point = self.most_probable(fit.model, fit.priors, point, self.whitener(h), iterations,
+                                       tolerance)
             value = log_evidence(self.covariance, h, Linear.of(fit.priors, *point), reached=True)
             if best is not None and value <= best[0]:
                 break
@@ -322,8 +325,8 @@ class Fitter:
         """Fit parameters and hyperparameters alternately; return the best evidence."""
         best: Found | None = None
         for k in range(8):
-            point = self.most_probable(fit.model, fit.priors, point[0], self.whitener(h),
-                                       6 if k else 12, _ROUGH, point)
+            point = self.most_probable(fit.model, fit.priors, point, self.whitener(h),
+                                       6 if k else 12, _ROUGH)
             at = Linear.of(fit.priors, *point)
             linear, reached = self._value(at), self._value(at, reached=True)
             now = reached(h)

@@ -208,7 +208,7 @@ def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, n
     def part(values: np.ndarray) -> np.ndarray:
         return values[train] / (sd if values.ndim == 1 else sd[:, None])
 
-    return fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[:2]
+    return fitter.most_probable(fit.model, fit.priors, fit.point, part, _STEPS)[:2]
 
 
 def _on_a_table(fitter: Fitter, model: Bundle, hyper: Hyper, train: np.ndarray, test: np.ndarray,

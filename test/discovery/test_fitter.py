@@ -89,7 +89,8 @@ def test_the_fit_is_the_least_squares_solution_with_priors_as_rows(problem, pape
     priors = options.priors(names)
     h = Hyper(white=6)
     start = np.array([p.start for p in priors])
-    u, residual, slopes = fitter.most_probable(model, priors, start, fitter.whitener(h), 40, 1e-9)
+    at = start, *fitter.linearised(model, priors, start)
+    u, residual, slopes = fitter.most_probable(model, priors, at, fitter.whitener(h), 40, 1e-9)
     limits = np.array([p.limits for p in priors]).T
 
     def rows(x):
