@@ -22,11 +22,10 @@ from fam_bundle_ros.benchmarks.discovery_truth import OUTSIDERS
 from fam_bundle_ros.campaign.pool import each, Progress
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.diagnose import diagnose
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import family, Options
 from fam_bundle_ros.discovery.predict import predict
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.jsonfile import plain
 
@@ -121,10 +120,8 @@ def run(task: Task, choices: Choices | None = None) -> dict[str, Any]:
 def visible_rms(case: make.Case) -> float:
     """Return the rms error of the refitted model without the hidden effect, in noise sd."""
     cells = reduce(case.model, case.data)
-    fitter = Fitter(cells, Covariance(cells, Choices().unexplained))
-    options = Options(case.model, cells, Choices(), {e.name: e for e in case.model.effects})
-    base = fitter.without_discrepancy(fitter.fit(
-        options.own, case.model, options.priors(options.own)))
+    search = Search(Options(case.model, cells, Choices()))
+    base = search.fitter.without_discrepancy(search.fit(search.options.own))
     return rms(predict(base.model, case.data) - case.shown_force) / case.noise
 
 

@@ -16,9 +16,8 @@ import numpy as np
 
 from fam_bundle_ros.benchmarks import discovery_cases as make
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import head, Options
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Place
@@ -28,12 +27,10 @@ _Dictionary = tuple[list[str], np.ndarray, np.ndarray]
 
 def dictionary(case: make.Case) -> _Dictionary:
     """Return names, standardised columns (T, m) and the whitened residual (T,) of a case."""
-    choices = Choices()
     cells = reduce(case.model, case.data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    options = Options.of(case.model, cells, choices)
-    base = fitter.without_discrepancy(fitter.fit(
-        options.own, case.model, options.priors(options.own)))
+    options = Options.of(case.model, cells, Choices())
+    search = Search(options)
+    base = search.fitter.without_discrepancy(search.fit(options.own))
     names, columns = [p.key for p in base.priors], list(base.slopes.T)
     for name, effect in options.effects.items():
         if name in options.own:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import permutations
 import math
 from typing import Any
@@ -19,19 +20,20 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.compare import floor_of
 from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
-from fam_bundle_ros.discovery.floor import floor_of
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
 from fam_bundle_ros.discovery.predict import matched, predict
 from fam_bundle_ros.discovery.result import Recommended
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import remaining_discrepancy
 from fam_bundle_ros.discovery.words import renamed
@@ -168,31 +170,32 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         if made.name in had or [e.name for e in incoming].count(made.name) > 1:
             raise InputError(f'{model.name} has {made.name} already; expected an effect that it '
                              'lacks')
-    cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    effects = {e.name: e for e in (*model.effects, *incoming)}
-    for item in listed:
-        if isinstance(item, str):
-            effects.update((e.name, e) for e in shapes_of(item, model) if e.name not in effects)
-    options = Options(model, cells, choices, effects)
+    open_ = [item for item in listed if isinstance(item, str)]
+    shapes = (shape for item in open_ for shape in shapes_of(item, model))
+    search = Search(Options(model, reduce(model, data), choices, (*incoming, *shapes)))
     kept = had - set(replacing) - set(removing)
     asked = tuple(e.name for e in incoming[:len(listed)])
-    chosen, added = _best_shapes(fitter, options, kept | set(replacing.values()), asked,
-                                 [item for item in listed if isinstance(item, str)])
-    same = set(chosen.names) == had
-    log_odds = None if same else chosen.posterior - _fitted(fitter, options, had).posterior
-    physics = fitter.without_discrepancy(chosen)
-    held = held_out(fitter, physics, chosen)
+    chosen, added = _best_shapes(search, kept | set(replacing.values()), asked, open_)
+    own = search.options.own
+    log_odds = None if chosen.names == own else chosen.posterior - search.fit(own).posterior
+    physics, held, residual = _alone(search, chosen, data)
     parameters = estimates(physics)
     words = [*added, *replacing.values(), *(f'without_{gone}' for gone in removing)]
-    new = physics.model.named(name or renamed(model.name, words or ['recalibrated']))
-    error = rms(data.force - predict(new, data))
-    new = with_intervals(new, parameters, error)
-    held = held.of_rows(beyond_cells(cells, physics, error))
-    return Added(new, added, rms(data.force - predict(model, data)), error, held.physics,
-                 floor_of(data, data.force - predict(new, data)), tuple(parameters), asked,
-                 replacing, tuple(removing), recommend(new, physics, chosen, held, fitter),
-                 log_odds, choices.odds)
+    new = with_intervals(
+        physics.model.named(name or renamed(model.name, words or ['recalibrated'])), parameters,
+        rms(residual))
+    return Added(new, added, rms(data.force - predict(model, data)), rms(residual), held.physics,
+                 floor_of(data, residual), tuple(parameters), asked, replacing, tuple(removing),
+                 recommend(new, physics, chosen, held, search.fitter), log_odds, choices.odds)
+
+
+def _alone(search: Search, joint: Fit, data: Measurement) -> tuple[Fit, HeldOut, np.ndarray]:
+    """Return a set fitted without discrepancy, its held-out errors and its residual of rows, N."""
+    fitter = search.fitter
+    physics = fitter.without_discrepancy(joint)
+    residual = data.force - predict(physics.model, data)
+    beyond = beyond_cells(fitter.cells, physics, rms(residual))
+    return physics, held_out(fitter, physics, joint).of_rows(beyond), residual
 
 
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
@@ -219,28 +222,22 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
                        dict(held.rivals))
 
 
-def _best_shapes(fitter: Fitter, options: Options, kept: set[str], asked: Sequence[str],
-                 open_: Sequence[str]) -> tuple[Fit, tuple[str, ...]]:
+def _best_shapes(search: Search, kept: set[str], asked: Sequence[str], open_: Sequence[str],
+                 ) -> tuple[Fit, tuple[str, ...]]:
     """Return the fit with the most probable shape of each effect, and the names of the shapes."""
     added = list(asked)
-    best = _fitted(fitter, options, kept | set(added))
+    best = search.fit(tuple(sorted(kept | set(added))))
     for slot, name in enumerate(asked):
         if name not in open_:
             continue
-        for shape in options.effects:
+        for shape in search.options.effects:
             if shape == name or head(shape) != name or shape in kept:
                 continue
             tried = [*added[:slot], shape, *added[slot + 1:]]
-            fit = _fitted(fitter, options, kept | set(tried))
+            fit = search.fit(tuple(sorted(kept | set(tried))))
             if fit.posterior > best.posterior:
                 best, added = fit, tried
     return best, tuple(added)
-
-
-def _fitted(fitter: Fitter, options: Options, names: set[str]) -> Fit:
-    chosen: Names = tuple(sorted(names))
-    return fitter.fit(chosen, options.bundle(chosen), options.priors(chosen),
-                      log_prior=options.log_prior(chosen))
 
 
 def _effect(item: str | Effect, model: Bundle) -> Effect:
@@ -323,35 +320,19 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     if not models:
         raise InputError('a ladder needs at least one model')
     steps: list[dict[str, Any]] = []
-    best: tuple[float, Bundle] | None = None
-    rivals: dict[str, float] = {}
+    residuals = []
     for model in models:
         own = matched(model, data)
-        fitter, joint, physics = _refitted(model, own)
-        refitted = rms(own.force - predict(physics.model, own))
-        held = held_out(fitter, physics, joint).of_rows(
-            beyond_cells(fitter.cells, physics, refitted))
-        rivals = held.rivals
+        search = Search(Options(model, reduce(model, own), Choices()))
+        _, held, residual = _alone(search, search.fit(search.options.own), own)
         steps.append({
             'step': model.name, 'error_N': rms(own.force - predict(model, own)),
-            'refitted_N': refitted, 'held_out_N': held.physics,
+            'refitted_N': rms(residual), 'held_out_N': held.physics,
             'held_out_discrepancy_N': held.discrepancy,
             'effects': [effect.name for effect in model.effects], 'rows': len(own)})
-        if best is None or refitted < best[0]:
-            best = (refitted, physics.model)
-    assert best is not None
-    own = matched(best[1], data)
-    return Ladder(steps, floor_of(own, own.force - predict(best[1], own)), data.name, rivals)
-
-
-def _refitted(model: Bundle, data: Any) -> tuple[Fitter, Fit, Fit]:
-    """Return the fitter, and the model's own parameters refitted with and without discrepancy."""
-    choices = Choices()
-    cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    options = Options(model, cells, choices, {e.name: e for e in model.effects})
-    joint = fitter.fit(options.own, model, options.priors(options.own))
-    return fitter, joint, fitter.without_discrepancy(joint)
+        residuals.append((own, residual))
+    best = min(residuals, key=lambda pair: rms(pair[1]))
+    return Ladder(steps, floor_of(*best), data.name, held.rivals)
 
 
 @on_one_core
@@ -374,20 +355,13 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
         Such as ``{'end_caps, coulomb_friction': [6.7, 5.3, 0.7]}``; the first is recalibration.
     """
     data = matched(model, as_measurement(measurement))
-    choices = Choices()
-    cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-    incoming = {name: _effect(name, model) for name in effects}
-    options = Options(model, cells, choices, {**{e.name: e for e in model.effects}, **incoming})
-    errors: dict[Names, float] = {}
+    search = Search(Options(model, reduce(model, data), Choices(), tuple(
+        _effect(name, model) for name in effects)))
 
+    @cache
     def error(names: Names) -> float:
-        if names not in errors:
-            fit = fitter.without_discrepancy(fitter.fit(names, options.bundle(names),
-                                                        options.priors(names)))
-            errors[names] = float(np.sqrt(np.mean(
-                (data.force - predict(fit.model, data)) ** 2)))
-        return errors[names]
+        fit = search.fitter.without_discrepancy(search.fit(names))
+        return rms(data.force - predict(fit.model, data))
 
-    return {', '.join(order): [error(tuple(sorted({*options.own, *order[:k]})))
+    return {', '.join(order): [error(tuple(sorted({*search.options.own, *order[:k]})))
                                for k in range(len(order) + 1)] for order in permutations(effects)}

@@ -131,10 +131,9 @@ def _map(leftover: Leftover, part: str, unit: int, axis: str) -> go.Heatmap:
                       ' N<extra></extra>')
 
 
-def sets(result: Diagnosis, most: int = 8) -> go.Figure | None:
+def sets(result: Diagnosis) -> go.Figure | None:
     """Draw the probabilities of the most probable sets of effects; None for a single set."""
-    shown = [each for k, each in enumerate(result.likely) if k < most or each.chosen]
-    shown = [each for each in shown if each.probability >= 5e-4 or each.chosen][::-1]
+    shown = [each for each in result.likely if each.probability >= 5e-4 or each.chosen][::-1]
     if len(shown) < 2:
         return None
     chosen = next(each for each in shown if each.chosen)

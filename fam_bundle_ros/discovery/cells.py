@@ -10,7 +10,7 @@ rows and then averaged by the same operator, so averaging adds no error.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,23 +19,26 @@ from scipy.sparse import csr_array
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.mean_noise import mean_noise, MeanNoise
-from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor
-from fam_bundle_ros.data.rates import CRAWL, sample_noise, slope, turning
+from fam_bundle_ros.data.rates import CRAWL, sample_noise
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.outliers import spikes
+from fam_bundle_ros.discovery.log_rows import (
+    averages,
+    jumped,
+    spikes,
+    STILL,
+    thinned,
+    unknown_direction,
+)
 from fam_bundle_ros.discovery.predict import matched, motion, stiffness
 from fam_bundle_ros.model import Bundle, Motion
 
 #: Numbers of bins over the range of strain and pressure to try, finest first.
 _BINS = (60, 40, 30, 24, 20, 16, 12, 10)
-#: Two readings at rest differ by more than this many standard deviations about once in 50 000.
-_STILL = 6.0
 #: Blocks of rows per cell: for a parabola over the range, in cells of 1/10 of it, the error of a
 #: cell's mean is 5e-5 of the change of the force.
 _BLOCKS = 4
-#: Change of strain or pressure, relative to its range, over which a mean has another force.
-_BLUR = 0.05
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,10 @@ class Cells:
         """Largest absolute force of a cell, N."""
         return float(np.abs(self.force).max())
 
+    def mean_square(self, residual: np.ndarray) -> float:
+        """Return the mean over rows of the square of a residual of cells, (n,), N^2."""
+        return float(np.average(residual ** 2, weights=self.count))
+
     @property
     def both_ways(self) -> bool:
         """Whether there are cells of both directions of motion."""
@@ -144,23 +151,6 @@ class Cells:
 def negligible(cells: Cells) -> float:
     """Return the size below which a discrepancy is negligible, N."""
     return max(cells.noise, settings.SMALL * cells.largest_force)
-
-
-def averages(label: np.ndarray, count: int) -> Callable[[np.ndarray], np.ndarray]:
-    """
-    Return the function that averages values of rows, (T,) or (T, k), over cells, (n,) or (n, k).
-
-    Parameters
-    ----------
-    label : ndarray of int, shape (T,)
-        Cell of each row; rows of label -1 do not count.
-    count : int
-        Number of cells.
-    """
-    rows = np.flatnonzero(label >= 0)
-    cell = label[rows]
-    share = 1.0 / np.bincount(cell, minlength=count)
-    return csr_array((share[cell], (cell, rows)), (count, len(label))).__matmul__
 
 
 def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> Cells:
@@ -225,40 +215,6 @@ def extent(data: Measurement) -> tuple[float, np.ndarray]:
     """Return the range of the strain and of each pressure, (n,), Pa, at least a small one."""
     return (max(float(np.ptp(data.strain)), 1e-6),
             np.maximum(np.ptp(data.pressure, axis=0), 1e3))
-
-
-def unknown_direction(data: Measurement) -> np.ndarray:
-    """
-    Return the rows of a log whose direction of motion is not known, (T,) bool.
-
-    First, the first row of each trial: the motion before it, on which hysteresis depends, was not
-    recorded. If trials start at turning points, the friction is wrong there in every trial at the
-    same strain, which looks like an effect of the strain. Second, rows at turning points where
-    the strain rate is within its noise: the error is up to twice the friction.
-    """
-    if data.time is None:
-        return np.zeros(len(data), bool)
-    first = data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
-    moving = np.where(data.direction_basis == BY_STRAIN, data.direction, 0)
-    return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
-
-
-def jumped(data: Measurement) -> np.ndarray:
-    """
-    Return the first rows after a step of strain or pressure between two rows of a log, (T,) bool.
-
-    Only there do the fastest lags show. Such a row is a visit of its own: in one mean with later
-    rows, a lag that is wrong in the first by as much as a slow creep is in the others would look
-    right. A step is more than the changes before and after it together.
-    """
-    if data.time is None:
-        return np.zeros(len(data), bool)
-    columns, least = _movements(data)
-    change = np.abs(np.diff(columns, axis=0))
-    change[data.start[1:]] = np.inf  # not known
-    steps = (change[1:-1] > change[:-2] + change[2:]) & (change[1:-1] > least)
-    steps &= np.isfinite(change[1:-1])
-    return np.concatenate([[False, False], steps.any(axis=1), [False]])[:len(data)]
 
 
 def places(cells: Cells, kept: np.ndarray, way: np.ndarray) -> np.ndarray:
@@ -335,7 +291,7 @@ def visits(data: Measurement, direction: np.ndarray, strain_range: float,
     fresh = fresh.tolist()
     label = np.zeros(len(data), int)
     for bins in _BINS:
-        scaled = (columns / np.maximum(size / bins, _STILL * noise)).tolist()
+        scaled = (columns / np.maximum(size / bins, STILL * noise)).tolist()
         first, visit = scaled[0], -1
         for k, row in enumerate(scaled):
             if fresh[k] or any(abs(a - b) > 1.0 for a, b in zip(row, first)):
@@ -344,74 +300,3 @@ def visits(data: Measurement, direction: np.ndarray, strain_range: float,
         if visit < most:
             break
     return label
-
-
-# --- fewer rows --------------------------------------------------------------------------------
-
-def thinned(data: Measurement, most: int) -> tuple[Measurement, np.ndarray]:
-    """
-    Return a log with neighbours averaged to about ``most`` rows, and the blurred: see `averaged`.
-
-    If that would blur the motion, blocks are smaller and only stretches of the log are kept.
-    """
-    if data.is_static or len(data) <= most:
-        return data, np.zeros(len(data), bool)
-    block = min(int(np.ceil(len(data) / most)), _widest_block(data))
-    return averaged(stretches(data, most * block), block)
-
-
-def averaged(data: Measurement, block: int) -> tuple[Measurement, np.ndarray]:
-    """
-    Return the log with each ``block`` of neighbours in a trial averaged into one row.
-
-    Also returned is in which rows, bool, strain or a pressure moved, or the motion turned round:
-    the mean force is not the force at the mean state there.
-    """
-    position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
-    first = position % block == 0
-    label = np.cumsum(first) - 1
-    mean = averages(label, int(label[-1]) + 1)
-    columns, least = _movements(data)
-    begin = np.flatnonzero(first)
-    moves = (np.abs(columns - columns[begin][label]) > least).any(axis=1)
-    moves |= data.direction != data.direction[begin][label]
-    blurred = np.logical_or.reduceat(moves, begin)
-    return replace(
-        data.select(first), strain=mean(data.strain), force=mean(data.force),
-        strain_rate=mean(data.strain_rate), pressure=mean(data.pressure),
-        time=None if data.time is None else mean(data.time)), blurred
-
-
-def _widest_block(data: Measurement, least: int = 8) -> int:
-    """Return the largest block, rows, in nine tenths of which strain and pressures do not move."""
-    columns, reach = _movements(data)
-    width = least
-    while width < 4096:
-        steps = np.abs(columns[2 * width:] - columns[:-2 * width])
-        steps = steps[data.trial[2 * width:] == data.trial[:-2 * width]]
-        if not len(steps) or (np.percentile(steps, 90, axis=0) > reach).any():
-            break
-        width *= 2
-    return width
-
-
-def _movements(data: Measurement) -> tuple[np.ndarray, np.ndarray]:
-    """Return strain and pressures, (T, 1 + n), and the least movement of each, (1 + n,)."""
-    columns = np.column_stack([data.strain, data.pressure])
-    noise = [sample_noise(column, data.trial) for column in columns.T]
-    return columns, np.maximum(_BLUR * np.ptp(columns, axis=0), _STILL * np.array(noise))
-
-
-def stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
-    """Return ``count`` evenly spaced stretches of a log, each a trial, ``most`` rows in all."""
-    if len(data) <= 1.25 * most:
-        return data
-    length = most // count
-    begins = np.linspace(0, len(data) - length, count).astype(int)
-    rows = np.concatenate([np.arange(begin, begin + length) for begin in begins])
-    piece = np.repeat(np.arange(count), length)
-    picked = data.select(rows)
-    _, trial = np.unique(np.column_stack([piece, picked.trial]), axis=0, return_inverse=True)
-    trial = np.cumsum(np.diff(trial.ravel(), prepend=trial.ravel()[0]) != 0)
-    return replace(picked, trial=trial, trial_names=tuple(
-        f'stretch {k + 1}' for k in range(int(trial.max()) + 1)))

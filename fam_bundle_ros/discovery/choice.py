@@ -8,8 +8,6 @@ The evidence compares the misfit with the noise; the cross-validation error (`he
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import softmax
 
@@ -24,14 +22,13 @@ from fam_bundle_ros.discovery.held_out import (
     splits,
     squares_of_folds,
 )
-from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
+from fam_bundle_ros.discovery.options import Change
+from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.search import Search
-from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import (
-    evidence_of_structure,
     implausible_constants,
     implausible_geometry,
-    is_structured,
+    leaves_structure,
     remaining_discrepancy,
 )
 from fam_bundle_ros.model import Bundle
@@ -43,7 +40,7 @@ _POINTS = 24
 
 
 def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[str, float],
-                 choices: Choices) -> tuple[Fit, list[Change]]:
+                 ) -> tuple[Fit, list[Change]]:
     """
     Return the chosen set, or a set of similar probability that predicts held-out folds better.
 
@@ -66,10 +63,10 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
         return chosen, found
     physics = fitter.without_discrepancy(chosen)
     if remaining_discrepancy(fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
-        return plainest(search, chosen, found, choices)
-    near = _near(search, chosen.posterior, choices)
+        return plainest(search, chosen, found)
     # remove the weak effects of each set, as was done for the chosen set
-    reduced = {fit.names: fit for fit in (named(search, fit)[0] for fit in near)}
+    reduced = {fit.names: fit for fit in (
+        named(search, fit)[0] for fit in _near(search, chosen.posterior))}
     reduced.pop(chosen.names, None)
     tried = [chosen, *sorted(reduced.values(), key=lambda fit: -fit.posterior)]
     alone = [physics, *(fitter.without_discrepancy(fit) for fit in tried[1:])]
@@ -80,12 +77,11 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
                                 softmax([tried[k].posterior for k in alike]))
     best = next(tried[k] for k, square in zip(alike, away)
                 if square <= away.min() + fitter.cells.noise ** 2)
-    order = changes(search.options, best.names)
+    order = search.options.changes(best.names)
     return best, sorted(order, key=lambda change: -loss.get(change.label, 0.0))
 
 
-def plainest(search: Search, chosen: Fit, found: list[Change], choices: Choices,
-             ) -> tuple[Fit, list[Change]]:
+def plainest(search: Search, chosen: Fit, found: list[Change]) -> tuple[Fit, list[Change]]:
     """
     Return the chosen set with simpler shapes of its effects: fewer parameters, fewer dead ones.
 
@@ -97,8 +93,8 @@ def plainest(search: Search, chosen: Fit, found: list[Change], choices: Choices,
     hidden = (settings.VISIBLE * fitter.cells.noise) ** 2
     physics = fitter.without_discrepancy(chosen)
     least = _dead(physics, found)
-    for fit in _near(search, chosen.posterior, choices) if least else ():
-        order = changes(search.options, fit.names)
+    for fit in _near(search, chosen.posterior) if least else ():
+        order = search.options.changes(fit.names)
         if ({change.label for change in order} != set(labels)
                 or len(fit.priors) >= len(chosen.priors)):
             continue
@@ -118,10 +114,10 @@ def _dead(physics: Fit, found: list[Change]) -> int:
                for prior, dead in zip(physics.priors, is_dead(physics)) if dead)
 
 
-def _near(search: Search, posterior: float, choices: Choices) -> list[Fit]:
-    """Return the sets within ``choices.odds`` of a log posterior, most probable first."""
-    return [fit for fit in Posterior.of(search).fits
-            if fit.posterior > posterior - np.log(choices.odds)][:_TRIED]
+def _near(search: Search, posterior: float) -> list[Fit]:
+    """Return the sets within the odds of a tie of a log posterior, most probable first."""
+    least = posterior - np.log(search.options.choices.odds)
+    return [fit for fit in Posterior.of(search).fits if fit.posterior > least][:_TRIED]
 
 
 def mean_square_distance(cells: Cells, models: list[Bundle], weights: np.ndarray) -> np.ndarray:
@@ -141,7 +137,7 @@ def mean_square_distance(cells: Cells, models: list[Bundle], weights: np.ndarray
     return np.array([np.mean((force - each) ** 2, axis=(1, 2)) @ weights for each in force])
 
 
-def predictive(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> Fit:
+def predictive(search: Search, chosen: Fit, physics: Fit) -> Fit:
     """
     Return the set for predictions: the lowest cross-validation error among the probable sets.
 
@@ -157,13 +153,13 @@ def predictive(search: Search, chosen: Fit, physics: Fit, choices: Choices) -> F
     if not splits(fitter.cells) or remaining_discrepancy(
             fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
         return physics
-    near = _near(search, search.best.posterior, choices)
-    tried = [physics, *(fitter.without_discrepancy(fit) for fit in near
+    tried = [physics, *(fitter.without_discrepancy(fit)
+                        for fit in _near(search, search.best.posterior)
                         if fit.names != chosen.names)]
     return min(tried, key=lambda fit: held_out_physics(fitter, fit))
 
 
-def likelier_than_not(search: Search, choices: Choices) -> tuple[Fit, list[Change]]:
+def likelier_than_not(search: Search) -> tuple[Fit, list[Change]]:
     """
     Return the most probable set whose effects each have a probability above one half.
 
@@ -176,36 +172,25 @@ def likelier_than_not(search: Search, choices: Choices) -> tuple[Fit, list[Chang
     without a discrepancy.
     """
     fitter, null = search.fitter, search.null
-    left = remaining_discrepancy(fitter.covariance, null, fitter.without_discrepancy(null))
-    need = evidence_of_structure(fitter, null)
-    if not is_structured(fitter.cells, need, left, choices.inclusion):
+    if not leaves_structure(search, null, fitter.without_discrepancy(null)):
         return null, []
     posterior = Posterior.of(search)
     for fit in posterior.fits:
-        found = changes(search.options, fit.names)
+        found = search.options.changes(fit.names)
         if all(posterior.of_label(change.label) > 0.5 for change in found):
             if found:
                 return fit, found
             break
-    for fit in _near(search, null.posterior, choices):
-        found = changes(search.options, fit.names)
-        if found and _explains_alone(search, fit, choices.inclusion):
+    for fit in _near(search, null.posterior):
+        found = search.options.changes(fit.names)
+        alone = fitter.beside_discrepancy(fitter.without_discrepancy(fit), fit.hyper)
+        if found and not leaves_structure(search, alone, alone):
             return fit, found
     return null, []
 
 
-def _explains_alone(search: Search, fit: Fit, inclusion: float) -> bool:
-    """Return whether a set fitted without a discrepancy leaves no structure in the residual."""
-    fitter = search.fitter
-    alone = fitter.without_discrepancy(fit)
-    hyper, evidence = fitter.best_hyper(fit.hyper, alone.linear)
-    beside = replace(alone, hyper=hyper, evidence=evidence)
-    left = remaining_discrepancy(fitter.covariance, beside, beside)
-    return not is_structured(fitter.cells, evidence_of_structure(fitter, beside), left, inclusion)
-
-
 def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics: Fit,
-                      inclusion: float) -> tuple[Fit, list[Change], Fit, HeldOut]:
+                      ) -> tuple[Fit, list[Change], Fit, HeldOut]:
     """
     Return the chosen set without effects that do not improve the prediction of held-out folds.
 
@@ -229,14 +214,10 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
         The set, fitted with and without a discrepancy.
     found : list of Change
         Changes of the set, most important first.
-    inclusion : float
-        Prior probability that something is missing.
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
-    left = remaining_discrepancy(fitter.covariance, chosen, physics)
-    need = evidence_of_structure(fitter, chosen)
-    structured = is_structured(fitter.cells, need, left, inclusion)
+    structured = leaves_structure(search, chosen, physics)
     while found:
         for change in reversed(found):
             fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)

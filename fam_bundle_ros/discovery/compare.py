@@ -9,7 +9,7 @@ Compare a model with a measurement: size of the error, its regions, and the nois
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 import json
 from typing import Any
@@ -25,12 +25,15 @@ from fam_bundle_ros.data.grouping import (
     varying_unit,
     visit_cells,
 )
+from fam_bundle_ros.data.mean_noise import mean_noise
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import NoiseFloor
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.unit_slips import slips
-from fam_bundle_ros.discovery.floor import floor_of
+from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery.cells import extent, visits
 from fam_bundle_ros.discovery.locate import locate, Region
+from fam_bundle_ros.discovery.log_rows import spikes, stretches, unknown_direction
 from fam_bundle_ros.discovery.predict import free_mask, matched, predict, stiffness
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
@@ -179,6 +182,33 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
         locate(data, residual, floor.value, past_free), data, prediction, residual,
         None if slope is None else rms(residual / np.maximum(slope, 1e-3 * slope.max())),
         slips(partial(predict, model), data, residual))
+
+
+def floor_of(data: Measurement, residual: np.ndarray) -> NoiseFloor:
+    """
+    Return the noise floor of a measurement; of a log, with the noise that has a memory.
+
+    Second differences of rows do not see such noise. As in the fits (`cells.reduce`), its size is
+    estimated from means of neighbours within the visits; in a long log, from a part of the rows.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (T,), N
+        Measured minus modelled force.
+    """
+    floor = noise_floor(data, residual)
+    if data.is_static or floor.differences is None or floor.basis == 'repeats':
+        return floor
+    few = stretches(replace(data, force=residual), settings.ROWS)
+    if len(few) <= settings.CELLS:
+        return floor
+    stay = visits(few, few.direction, *extent(few), settings.CELLS)
+    used = ~(spikes(few, few.force, floor.value) | unknown_direction(few))
+    found = mean_noise(few.force[used], stay[used], floor)
+    if found is None:
+        return floor
+    memory = found.correlation if floor.visits is None else floor.correlation
+    return replace(floor, value=found.sd, basis='means of neighbours', correlation=memory)
 
 
 def residual_maps(data: Measurement, residual: np.ndarray, strains: int = 24,

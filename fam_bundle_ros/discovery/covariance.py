@@ -119,10 +119,6 @@ class Covariance:
         """Return the square of an amplitude by its place on the grid, N^2."""
         return self._variance[place]
 
-    def white_sd(self, h: Hyper) -> float:
-        """Return the standard deviation of the white misfit, N."""
-        return float(np.sqrt(self._variance[h.white]))
-
     def whiten(self, h: Hyper, values: np.ndarray) -> np.ndarray:
         """Return L^-1 values, K = L L', for values (n,) or (n, k)."""
         if h.is_white:

@@ -32,15 +32,13 @@ from fam_bundle_ros.discovery.choice import (
     likelier_than_not,
     predictive,
 )
-from fam_bundle_ros.discovery.compare import compare, Comparison
-from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.compare import compare, Comparison, floor_of
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
-from fam_bundle_ros.discovery.fitter import Fit, Fitter
-from fam_bundle_ros.discovery.floor import floor_of
+from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
-from fam_bundle_ros.discovery.options import family, Options
-from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
+from fam_bundle_ros.discovery.options import Change, family, Options
+from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
@@ -93,9 +91,11 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     fitter, cells = search.fitter, search.fitter.cells
     if progress:
         progress(0.9, 'weighing what is left')
-    chosen, found, physics, base, held, finding = searched.alone()
+    judged = searched.alone()
+    chosen, found, physics, base, held, finding = judged
     answer = found if finding.named else []
-    final, joint = (physics, chosen) if finding.named else (base, search.null)
+    final = judged.final
+    joint = chosen if finding.named else search.null
     posterior = Posterior.over_folds(search, chosen)
     ties = tuple(posterior.ties(answer, chosen, choices.odds))
     trades = tuple(posterior.trades(chosen, choices.odds, ties)) if answer else ()
@@ -112,7 +112,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     before, leftover = (Leftover.of(fitter, fit, beside.hyper)
                         for fit, beside in ((base, search.null), (final, joint)))
     recommended = recommend(best, final, joint, held, fitter)
-    other = predictive(search, chosen, physics, choices) if finding.named else physics
+    other = predictive(search, chosen, physics) if finding.named else physics
     if other is not physics:
         beside = search.fits[other.names]
         likewise = recommend(
@@ -175,6 +175,11 @@ class Judged(NamedTuple):
     held: HeldOut
     finding: Finding
 
+    @property
+    def final(self) -> Fit:
+        """The set without a discrepancy, or the model as given if the verdict refuses the set."""
+        return self.physics if self.finding.named else self.base
+
 
 @dataclass(frozen=True)
 class Searched:
@@ -203,25 +208,22 @@ class Searched:
         """Return the finished search; ``lengths`` as in `Options.of`."""
         comparison = compare(model, measurement)
         data, offsets = _tared(comparison.measurement, comparison.residual)
-        cells = reduce(model, data)
-        fitter = Fitter(cells, Covariance(cells, choices.unexplained))
-        search = Search(Options.of(model, cells, choices, lengths), fitter, progress).run()
-        return cls(comparison, data, offsets, search)
+        options = Options.of(model, reduce(model, data), choices, lengths)
+        return cls(comparison, data, offsets, Search(options, progress).run())
 
     def alone(self) -> Judged:
         """Choose the set that explains this measurement, and judge it."""
-        search, choices = self.search, self.search.options.choices
-        chosen, found = best_of_ties(search, *named(search, search.best), choices)
+        search = self.search
+        chosen, found = best_of_ties(search, *named(search, search.best))
         if not found:
-            chosen, found = likelier_than_not(search, choices)
+            chosen, found = likelier_than_not(search)
         likely = bool(found)
         physics = search.fitter.without_discrepancy(chosen)
-        return self._judged(*drop_unpredictive(search, chosen, found, physics, choices.inclusion),
-                            likely)
+        return self._judged(*drop_unpredictive(search, chosen, found, physics), likely)
 
     def with_set(self, chosen: Fit) -> Judged:
         """Judge a given set."""
-        found = changes(self.search.options, chosen.names)
+        found = self.search.options.changes(chosen.names)
         physics = self.search.fitter.without_discrepancy(chosen)
         held = held_out(self.search.fitter, physics, chosen)
         return self._judged(chosen, found, physics, held, bool(found))
@@ -230,9 +232,9 @@ class Searched:
                 likely: bool) -> Judged:
         fitter, null = self.search.fitter, self.search.null
         base = fitter.without_discrepancy(null) if likely else physics
-        finding = judge(fitter, null, base, chosen, physics, found, held,
+        finding = judge(self.search, base, chosen, physics, found, held,
                         artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets),
-                        self.search.options.choices.inclusion, likely)
+                        likely)
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
         return Judged(chosen, found, physics, base, held, finding)
@@ -252,8 +254,8 @@ def _written(model: Bundle, fit: Fit, parameters: list) -> Bundle:
     new = [effect.name for effect in fit.model.effects if effect.name not in had]
     gone = [name for name in had if name not in {e.name for e in fit.model.effects}]
     words = [*new, *(f'without_{name}' for name in gone)] or ['recalibrated']
-    error = float(np.sqrt(np.mean(fit.residual ** 2)))
-    return with_intervals(fit.model.named(renamed(model.name, words)), parameters, error)
+    return with_intervals(fit.model.named(renamed(model.name, words)), parameters,
+                          rms(fit.residual))
 
 
 def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: Fit,
@@ -265,26 +267,28 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
                               key=lambda label: -posterior.of_label(label))]
     entries = []
     for place, label in enumerate(order):
-        best = posterior.best_with(label)
-        if best is None:
-            continue
-        fit, change = best
+        best, change = posterior.best_with(label)
+        fit = best
         if label in chosen:
             fit, change = final, chosen[label]
         elif place < max(_TOLD, len(chosen) + 2):
-            fit = fitter.without_discrepancy(fit)
-        square = np.average(fit.residual ** 2, weights=fitter.cells.count)
-        error = float(np.hypot(np.sqrt(square), beyond))
+            fit = fitter.without_discrepancy(best)
+        error = _error_of_rows(search, fit, beyond)
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
         probability = shown_probability(finding, posterior.of_label(label), label in chosen)
         law = catalogue.available().get(name)
         entries.append(Candidate(
             label, name, family(name), probability, error,
-            search.best.posterior - best[0].posterior, tuple(own),
+            search.best.posterior - best.posterior, tuple(own),
             law.signature if law else '', replaces=change.old if change.new else '',
             removes=not change.new))
     return tuple(entries)
+
+
+def _error_of_rows(search: Search, fit: Fit, beyond: float) -> float:
+    """Return the error of a fit with the scatter of rows about their cells added, N rms."""
+    return float(np.hypot(np.sqrt(search.fitter.cells.mean_square(fit.residual)), beyond))
 
 
 def _ladder(search: Search, answer: list[Change], error: dict[str, float], base: Fit,
@@ -292,11 +296,8 @@ def _ladder(search: Search, answer: list[Change], error: dict[str, float], base:
     """Return the error after each change, on all rows and on held-out folds."""
     fitter = search.fitter
 
-    def square(fit: Fit) -> float:
-        return float(np.average(fit.residual ** 2, weights=fitter.cells.count))
-
     def step(words: str, fit: Fit) -> dict[str, Any]:
-        return {'step': words, 'error_N': float(np.hypot(np.sqrt(square(fit)), beyond)),
+        return {'step': words, 'error_N': _error_of_rows(search, fit, beyond),
                 'held_out_N': float(np.hypot(held_out_physics(fitter, fit), beyond))}
 
     steps = [{'step': 'model', 'error_N': error['model'], 'held_out_N': error['model']},
@@ -304,21 +305,16 @@ def _ladder(search: Search, answer: list[Change], error: dict[str, float], base:
     names, left = search.options.own, list(answer)
     while len(left) > 1:
         # the change that reduces the error most comes first
-        tried = [(change, fitter.without_discrepancy(search.fit(_after(names, change))))
+        tried = [(change, fitter.without_discrepancy(search.fit(change.done(names))))
                  for change in left]
-        change, fit = min(tried, key=lambda pair: square(pair[1]))
+        change, fit = min(tried, key=lambda pair: fitter.cells.mean_square(pair[1].residual))
         steps.append(step(_in_words(change), fit))
-        names = _after(names, change)
+        names = change.done(names)
         left.remove(change)
     for change in left:
         steps.append({'step': _in_words(change), 'error_N': error['best'],
                       'held_out_N': held.physics})
     return steps
-
-
-def _after(names: tuple[str, ...], change: Change) -> tuple[str, ...]:
-    """Return the effects of a model after a change."""
-    return tuple(sorted({*(n for n in names if n != change.old), change.new} - {''}))
 
 
 def _in_words(change: Change) -> str:

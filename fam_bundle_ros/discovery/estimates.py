@@ -13,9 +13,9 @@ from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.posterior import Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model.geometry import DIMENSIONS
 from fam_bundle_ros.units import si_factor
 
-_GEOMETRY_UNITS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
 #: Standard deviations of a 95 % interval.
 _95 = 1.96
 #: A parameter is dead if its posterior standard deviation exceeds this share of the prior's.
@@ -76,19 +76,16 @@ class Estimate:
         return text + (f' [{self.flag}]' if self.flag else '')
 
     def to_dict(self) -> dict[str, Any]:
-        """Return value, unit, interval and flag."""
-        chosen = asdict(self)
-        chosen['interval'] = list(self.interval)
-        for name in ('si_interval', 'prior', 'moved', 'reach', 'data_alone'):
-            chosen[name] = list(chosen[name])
-        return chosen
+        """Return the fields as plain numbers, lists and text."""
+        return {key: list(value) if isinstance(value, tuple) else value
+                for key, value in asdict(self).items()}
 
 
 def unit_of(model: Bundle, key: str) -> tuple[str, float]:
     """Return the unit in which a parameter is shown, and the SI value of that unit."""
     owner, _, name = key.partition('.')
     if owner == 'geometry':
-        unit = _GEOMETRY_UNITS[name]
+        unit = DIMENSIONS[name]
         return unit, si_factor(unit, unit)
     parameter = model.effect(owner).parameter(name)
     return ('' if parameter.unit == '1' else parameter.unit), parameter.scale
@@ -96,14 +93,9 @@ def unit_of(model: Bundle, key: str) -> tuple[str, float]:
 
 def estimates(fit: Fit, posterior: Posterior | None = None) -> list[Estimate]:
     """
-    Return every fitted parameter with its interval and flag.
+    Return every parameter of a fit without a discrepancy, with its interval and flag.
 
-    Parameters
-    ----------
-    fit : Fit
-        Fitted without a discrepancy.
-    posterior : Posterior, optional
-        Widens the intervals by the spread over other likely sets.
+    A posterior widens the intervals by the spread over other likely sets.
     """
     own, dead = _spread(fit), is_dead(fit)
     bound = fit.at_bound

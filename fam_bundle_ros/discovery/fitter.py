@@ -11,7 +11,7 @@ white misfit (annealing): otherwise the discrepancy would absorb what physics ca
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -91,6 +91,11 @@ class Fit:
         """Log posterior of the set fitted without a discrepancy, up to a constant."""
         return self.white_evidence + self.log_prior
 
+    @property
+    def point(self) -> Point:
+        """The fitted u, with residual and slopes there."""
+        return self.u, self.residual, self.slopes
+
     @cached_property
     def start(self) -> dict[str, float]:
         """The fitted u by key of the parameter: start values for a neighbouring set."""
@@ -110,20 +115,23 @@ class Fit:
 @dataclass
 class Fitter:
     """
-    Fits models to cells under one covariance.
+    Fits models to the cells of a covariance.
 
     Attributes
     ----------
-    cells : Cells
     covariance : Covariance
     rival_errors : list of list of ndarray, N
         For each fold the errors of each rival on its test cells. They are the same for all models
         and computed once, by `held_out.held_out`.
     """
 
-    cells: Cells
     covariance: Covariance
     rival_errors: list[list[np.ndarray]] | None = None
+
+    @property
+    def cells(self) -> Cells:
+        """Cells to which the models are fitted."""
+        return self.covariance.cells
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
         """Return measured minus predicted force of the cells, (n,), N."""
@@ -172,9 +180,9 @@ class Fitter:
         """
         return fit.log_prior - fit.promise + log_evidence(self.covariance, fit.hyper, fit.linear)
 
-    def most_probable(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
+    def most_probable(self, model: Bundle, priors: Sequence[Prior], at: Point,
                       whiten: Callable[[np.ndarray], np.ndarray], iterations: int,
-                      tolerance: float = 0.05, at: Point | None = None) -> Point:
+                      tolerance: float = 0.05) -> Point:
         """
         Return the most probable u under a covariance, with residual and slopes at it.
 
@@ -184,15 +192,13 @@ class Fitter:
 
         Parameters
         ----------
-        u : ndarray, shape (p,)
-            Start values.
+        at : Point
+            Where to start.
         whiten : callable
             Whitens residuals (n,) or slopes (n, p).
-        at : Point, optional
-            Residual and slopes at u, if known.
         """
         low, high = np.array([prior.limits for prior in priors]).T
-        residual, slopes = at[1:] if at is not None else self.linearised(model, priors, u)
+        u, residual, slopes = at
         damping = 1e-3
         for _ in range(iterations):
             white = whiten(np.concatenate([residual[:, None], slopes], axis=1))
@@ -232,6 +238,11 @@ class Fitter:
         best = ascend(h, value, [axis for axis in self.covariance.axes if axis not in fixed])
         return best, value(best)
 
+    def beside_discrepancy(self, fit: Fit, start: Hyper) -> Fit:
+        """Return a fit with the same parameters, and the discrepancy most probable beside them."""
+        hyper, evidence = self.best_hyper(start, fit.linear)
+        return replace(fit, hyper=hyper, evidence=evidence)
+
     def _value(self, at: Linear, reached: bool = False) -> Value:
         """Return the log evidence of a linear model as a function of the hyperparameters."""
         return cache(lambda h: log_evidence(self.covariance, h, at, reached))
@@ -250,9 +261,11 @@ class Fitter:
         It depends on the set alone: where a similar set is far off (geometry that stands in for a
         missing bladder), a fit that starts there may end at a local optimum.
         """
-        white, point, _ = self._annealed(model, priors, self._point(model, priors, {}), 12, _ROUGH)
-        found = self._climb(model, priors, point, self.first_hyper(), 2)
-        return self._finished(names, model, priors, found, white, log_prior)
+        u, residual, slopes = self._point(model, priors, {})
+        start = Fit(names, model, tuple(priors), u, Hyper(), residual, slopes, -np.inf,
+                    log_prior=log_prior)
+        white, point, _ = self._annealed(start, 12, _ROUGH)
+        return self._finished(start, self._climb(start, point, self.first_hyper(), 2), white)
 
     def from_similar(self, fit: Fit, start: Mapping[str, float], hyper: Hyper) -> Fit:
         """
@@ -266,10 +279,9 @@ class Fitter:
         hyper : Hyper
             Of the similar set.
         """
-        found = self._climb(fit.model, fit.priors, self._point(fit.model, fit.priors, start),
-                            hyper, 99)
+        found = self._climb(fit, self._point(fit.model, fit.priors, start), hyper, 99)
         return fit if found[0] <= fit.evidence else self._finished(
-            fit.names, fit.model, fit.priors, found, fit.white_evidence, fit.log_prior)
+            fit, found, fit.white_evidence)
 
     def _point(self, model: Bundle, priors: Sequence[Prior], start: Mapping[str, float]) -> Point:
         u = np.array([np.clip(start.get(p.key, p.start), *p.limits) for p in priors])
@@ -281,42 +293,41 @@ class Fitter:
 
         A discrepancy biases the physical parameters (Brynjarsdottir and O'Hagan 2014).
         """
-        found = self._annealed(fit.model, fit.priors, (fit.u, fit.residual, fit.slopes), 25)
-        return self._finished(fit.names, fit.model, fit.priors, found, found[0], fit.log_prior)
+        found = self._annealed(fit, 25)
+        return self._finished(fit, found, found[0])
 
-    def _annealed(self, model: Bundle, priors: Sequence[Prior], point: Point, iterations: int,
-                  tolerance: float = 0.05) -> Found:
+    def _annealed(self, fit: Fit, iterations: int, tolerance: float = 0.05) -> Found:
         """Fit without discrepancy: reduce the white misfit as long as the evidence grows."""
         best: Found | None = None
+        point = fit.point
         for place in COOLING:
             h = Hyper(white=place)
-            point = self.most_probable(model, priors, point[0], self.whitener(h), iterations,
-                                       tolerance, point)
-            value = log_evidence(self.covariance, h, Linear.of(priors, *point), reached=True)
+            point = self.most_probable(fit.model, fit.priors, point, self.whitener(h), iterations,
+                                       tolerance)
+            value = log_evidence(self.covariance, h, Linear.of(fit.priors, *point), reached=True)
             if best is not None and value <= best[0]:
                 break
             best = (value, point, h)
         assert best is not None
         return best
 
-    def _finished(self, names: tuple[str, ...], model: Bundle, priors: Sequence[Prior],
-                  found: Found, white: float, log_prior: float) -> Fit:
+    def _finished(self, fit: Fit, found: Found, white: float) -> Fit:
+        """Return a fit that ends at what was found, with its evidence without a discrepancy."""
         evidence, (u, residual, slopes), h = found
         whitened = self.covariance.whiten(h, slopes)
         spread = np.linalg.inv(np.eye(len(u)) + whitened.T @ whitened)
-        at = Linear.of(priors, u, residual, slopes)
-        promise = log_evidence(self.covariance, h, at) - evidence
-        return Fit(names, with_coordinates(model, priors, u), tuple(priors), u, h, residual,
-                   slopes, evidence, white, log_prior, promise, spread)
+        at = Linear.of(fit.priors, u, residual, slopes)
+        return replace(fit, model=with_coordinates(fit.model, fit.priors, u), u=u, hyper=h,
+                       residual=residual, slopes=slopes, evidence=evidence, white_evidence=white,
+                       promise=log_evidence(self.covariance, h, at) - evidence, covariance=spread)
 
-    def _climb(self, model: Bundle, priors: Sequence[Prior], point: Point, h: Hyper, reach: int,
-               ) -> Found:
+    def _climb(self, fit: Fit, point: Point, h: Hyper, reach: int) -> Found:
         """Fit parameters and hyperparameters alternately; return the best evidence."""
         best: Found | None = None
         for k in range(8):
-            point = self.most_probable(model, priors, point[0], self.whitener(h), 6 if k else 12,
-                                       _ROUGH, point)
-            at = Linear.of(priors, *point)
+            point = self.most_probable(fit.model, fit.priors, point, self.whitener(h),
+                                       6 if k else 12, _ROUGH)
+            at = Linear.of(fit.priors, *point)
             linear, reached = self._value(at), self._value(at, reached=True)
             now = reached(h)
             value = reached if linear(h) > now + _ROUGH else linear

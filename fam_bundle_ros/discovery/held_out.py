@@ -127,8 +127,7 @@ def beyond_cells(cells: Cells, fit: Fit, error: float) -> float:
     error : float, N
         Rms error of the fitted model on all rows of the measurement.
     """
-    square = float(np.average(fit.residual ** 2, weights=cells.count))
-    return float(np.sqrt(max(error ** 2 - square, 0.0)))
+    return float(np.sqrt(max(error ** 2 - cells.mean_square(fit.residual), 0.0)))
 
 
 def held_out_physics(fitter: Fitter, fit: Fit) -> float:
@@ -149,7 +148,7 @@ def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
         found.append(float(np.sum(cells.count[test] * off ** 2)))
         rows += float(cells.count[test].sum())
     if not found:
-        return np.array([np.average(fit.residual ** 2, weights=cells.count)])
+        return np.array([cells.mean_square(fit.residual)])
     return np.array(found) / rows
 
 
@@ -171,7 +170,6 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     counts: dict[str, float] = {}
     of_folds: list[float] = []
     seen: dict[str, list[np.ndarray]] = {}
-    shown = [names.index(name) for name in ('physics', 'discrepancy', 'empirical')]
     needed = joint.hyper.fits_a_table
     hyper = Surface.best(fitter, physics.model, joint.hyper).hyper if needed else None
     every = list(folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
@@ -185,22 +183,21 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         if hyper is not None:
             model = with_coordinates(physics.model, physics.priors, u)
             with_table = alone - _on_a_table(fitter, model, hyper, train, test)
-        errors = [alone, with_table, *of_rivals]
+        errors = dict(zip(names, [alone, with_table, *of_rivals]))
         force = cells.force[test]
-        seen.setdefault(kind, []).append(
-            np.stack([force, *(force - errors[place] for place in shown)]))
-        square = np.square(errors) @ weight
+        seen.setdefault(kind, []).append(np.stack([force, *(
+            force - errors[name] for name in ('physics', 'discrepancy', 'empirical'))]))
+        square = np.square(list(errors.values())) @ weight
         of_folds.append(square[0])
         squares[kind] = squares.get(kind, 0.0) + square
         counts[kind] = counts.get(kind, 0.0) + float(weight.sum())
     means = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
-    blind = means.pop(BLIND)
-    return HeldOut(means.pop('physics'), means.pop('discrepancy'), means, {
-        kind: (float(each[0]), float(each[1]))
-        for kind, each in ((kind, np.sqrt(square / counts[kind]))
-                           for kind, square in squares.items()) if kind},
-        {kind: Unseen(*np.concatenate(parts, axis=1)) for kind, parts in seen.items() if kind},
-        blind, np.array(of_folds) / sum(counts.values()))
+    kinds = [kind for kind in squares if kind]
+    return HeldOut(
+        means['physics'], means['discrepancy'], {rival: means[rival] for rival in RIVALS},
+        {kind: tuple(np.sqrt(squares[kind][:2] / counts[kind]).tolist()) for kind in kinds},
+        {kind: Unseen(*np.concatenate(seen[kind], axis=1)) for kind in kinds},
+        means[BLIND], np.array(of_folds) / sum(counts.values()))
 
 
 def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -211,7 +208,7 @@ def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, n
     def part(values: np.ndarray) -> np.ndarray:
         return values[train] / (sd if values.ndim == 1 else sd[:, None])
 
-    return fitter.most_probable(fit.model, fit.priors, fit.u, part, _STEPS)[:2]
+    return fitter.most_probable(fit.model, fit.priors, fit.point, part, _STEPS)[:2]
 
 
 def _on_a_table(fitter: Fitter, model: Bundle, hyper: Hyper, train: np.ndarray, test: np.ndarray,

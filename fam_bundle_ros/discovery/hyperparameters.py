@@ -37,7 +37,7 @@ def ascend(h: Hyper, value: Value, axes: Sequence[str], reach: int = 99) -> Hype
     for _ in range(6):
         before = h
         for axis in axes:
-            if axis in ('strain', 'pressure') and not (h.even or h.odd or h.speed):
+            if axis in ('strain', 'pressure') and not h.fits_a_table:
                 continue
             if axis == 'tau' and not h.slow:
                 continue

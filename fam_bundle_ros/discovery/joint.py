@@ -12,7 +12,7 @@ that an effect cannot influence contributes its evidence without it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,8 @@ import numpy as np
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.material import sharings
-from fam_bundle_ros.discovery.options import head, Names, Options, with_name, without
-from fam_bundle_ros.discovery.posterior import Change, changes, Posterior
+from fam_bundle_ros.discovery.options import Change, head, Names, Options
+from fam_bundle_ros.discovery.posterior import least_loss, Posterior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import Place
 
@@ -56,9 +56,8 @@ class JointPosterior:
 
     def __init__(self, searches: Sequence[Search], counted: Sequence[int]):
         self.searches, self.counted = searches, counted
-        self.options = replace(searches[0].options, effects={
-            name: effect for k in counted
-            for name, effect in searches[k].options.effects.items()})
+        self.options = replace(searches[0].options, addable=tuple(
+            effect for k in counted for effect in searches[k].options.addable))
         self._known: dict[Names, tuple[float, list[Fit]]] = {}
         self._errors: list[set[Names]] = []
         sets = {self.options.own: None}
@@ -111,7 +110,7 @@ class JointPosterior:
         weight /= weight.sum()
         found: dict[str, float] = {}
         for each, share in zip(self._known, weight):
-            for label in {c.label for c in changes(self.options, each)}:
+            for label in {c.label for c in self.options.changes(each)}:
                 found[label] = found.get(label, 0.0) + float(share)
         return dict(sorted(found.items(), key=lambda item: -item[1]))
 
@@ -121,9 +120,9 @@ class JointPosterior:
         null = self.value(self.options.own)
         while True:
             loss = {change: self.value(names) - self.value(change.undone(names))
-                    for change in changes(self.options, names)}
+                    for change in self.options.changes(names)}
             least = min(loss, key=lambda change: loss[change], default=None)
-            if least is None or loss[least] >= _needed(self.value(names) - null):
+            if least is None or loss[least] >= least_loss(self.value(names) - null):
                 return names, sorted(loss, key=lambda change: -loss[change])
             names = least.undone(names)
 
@@ -135,7 +134,7 @@ class JointPosterior:
         specimens with clear evidence against it, if the evidence of others is clearly for it.
         """
         fits = self.fits(names)
-        for change in changes(self.options, names):
+        for change in self.options.changes(names):
             fewer = change.undone(names)
             gain = [self._own(k, a, names) - self._own(k, b, fewer) for k, (a, b) in enumerate(
                 zip(self.fits(names), self.fits(fewer)))]
@@ -148,10 +147,10 @@ class JointPosterior:
     def _without_weak(search: Search, fit: Fit) -> Fit:
         """Return a fit without sensor errors whose evidence is too weak to name them."""
         while True:
-            fewer = [search.fit(without(fit.names, name))
+            fewer = [search.fit(Change(name, '').done(fit.names))
                      for name in sensor_errors(search.options, fit.names)]
             best = max(fewer, key=lambda each: each.posterior, default=None)
-            if best is None or fit.posterior - best.posterior >= _needed(
+            if best is None or fit.posterior - best.posterior >= least_loss(
                     fit.posterior - search.null.posterior):
                 return fit
             fit = best
@@ -159,26 +158,22 @@ class JointPosterior:
     def ties(self, names: Names, answer: Sequence[Change], odds: float
              ) -> tuple[tuple[str, ...], ...]:
         """Return groups: a shape of the answer, then the shapes that can replace it."""
-        least = self.value(names) - np.log(odds)
-        groups = [(change.new, *(
-            other for other in sorted(set(self.options.effects) - set(names))
-            if self._known.get(with_name(without(names, change.new), other), (-np.inf,))[0]
-            > least)) for change in answer if change.new]
-        return tuple(group for group in groups if len(group) > 1)
-
+        return _ties(names, [change.new for change in answer if change.new],
+                     sorted(set(self.options.effects) - set(names)),
+                     lambda other: self._known.get(other, (-np.inf, []))[0],
+                     self.value(names) - np.log(odds))
 
     def error_ties(self, k: int, fit: Fit, odds: float) -> tuple[tuple[str, ...], ...]:
         """Return groups: a sensor error of a specimen's fit, then those that can replace it."""
-        search, least = self.searches[k], fit.posterior - np.log(odds)
-        others = sensor_errors(search.options,
-                               tuple(sorted(set(search.options.effects) - set(fit.names))))
-        groups = [(name, *(
-            other for other in others
-            if search.fit(with_name(without(fit.names, name), other)).posterior > least))
-            for name in sensor_errors(search.options, fit.names)]
-        return tuple(group for group in groups if len(group) > 1)
+        search, options = self.searches[k], self.searches[k].options
+        others = sensor_errors(options, tuple(sorted(set(options.effects) - set(fit.names))))
+        return _ties(fit.names, sensor_errors(options, fit.names), others,
+                     lambda names: search.fit(names).posterior, fit.posterior - np.log(odds))
 
 
-def _needed(gain: float) -> float:
-    """Return the loss of log posterior from which an effect is named."""
-    return max(settings.LEAST_LOSS, settings.LEAST_SHARE * gain)
+def _ties(names: Names, own: Sequence[str], others: Sequence[str],
+          value: Callable[[Names], float], least: float) -> tuple[tuple[str, ...], ...]:
+    """Return groups: one of a set's ``own``, then the others that keep its value above least."""
+    groups = [(name, *(other for other in others
+                       if value(Change(name, other).done(names)) > least)) for name in own]
+    return tuple(group for group in groups if len(group) > 1)

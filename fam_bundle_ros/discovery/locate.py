@@ -201,15 +201,17 @@ class _Grid:
 
     def _words(self, a: int, b: int, c: int, d: int, slot: int | None,
                rows: np.ndarray) -> str:
-        strains, levels = self.shape[0], self.shape[1]
+        strains, levels = self.shape[:2]
+        way = '' if slot is None else f' {_DIRECTIONS[self.directions[slot]]}'
         if self.past_free is not None and rows.any():
             inside = self.past_free[rows].mean()
             covered = rows[self.past_free].mean() if self.past_free.any() else 0.0
             if inside > 0.9 and covered > 0.8:
-                return 'past free strain' + (
-                    f' {_DIRECTIONS[self.directions[slot]]}' if slot is not None else '')
+                return 'past free strain' + way
+        if (a, b, c, d) == (0, strains - 1, 0, levels - 1):
+            return 'everywhere' + way
         if a == 0 and b == strains - 1:
-            strain = ''
+            strain = 'every strain'
         elif a == 0:
             strain = f'strain below {self.edges[b + 1]:.3g}'
         elif b == strains - 1:
@@ -219,19 +221,16 @@ class _Grid:
         # + 0.0 turns -0 into 0
         low, high = np.round(self.means[[c, d]] / 1e3) + 0.0
         if c == 0 and d == levels - 1:
-            pressure = f'at every {self.unit}pressure'
+            pressure = f'every {self.unit}pressure'
         elif c == d:
-            pressure = f'at {self.unit}{low:.0f} kPa'
+            pressure = f'{self.unit}{low:.0f} kPa'
         elif c == 0:
-            pressure = f'at {self.unit}{high:.0f} kPa and below'
+            pressure = f'{self.unit}{high:.0f} kPa and below'
         elif d == levels - 1:
-            pressure = f'at {self.unit}{low:.0f} kPa and above'
+            pressure = f'{self.unit}{low:.0f} kPa and above'
         else:
-            pressure = f'at {self.unit}{low:.0f} to {high:.0f} kPa'
-        words = f'{strain} {pressure}' if strain else f'every strain {pressure}'
-        if not strain and c == 0 and d == levels - 1:
-            words = 'everywhere'
-        return words + (f' {_DIRECTIONS[self.directions[slot]]}' if slot is not None else '')
+            pressure = f'{self.unit}{low:.0f} to {high:.0f} kPa'
+        return f'{strain} at {pressure}{way}'
 
 
 def _corner_sums(table: np.ndarray) -> np.ndarray:

@@ -41,12 +41,6 @@ def family(name: str) -> str:
     return _identities().get(name, (name, 'user'))[1]
 
 
-def makers(kind: str) -> tuple[str, ...]:
-    """Return the families of laws which, when missing in a model, leave this shape of error."""
-    return tuple(sorted({law.family for law in catalogue.available().values()
-                         if kind in law.leaves}))
-
-
 def usual(law: Law, model: Bundle) -> Effect:
     """
     Return an effect with its default values scaled to the size of a model's muscles.
@@ -73,6 +67,41 @@ def shapes_of(name: str, model: Bundle) -> list[Effect]:
 
 
 @dataclass(frozen=True)
+class Change:
+    """
+    One difference between a set and the model as given.
+
+    ``old`` is empty for an effect that is added, ``new`` for one that is removed.
+    """
+
+    old: str
+    new: str
+
+    @property
+    def name(self) -> str:
+        """Name of the effect that is added, else of the one that is removed."""
+        return self.new or self.old
+
+    @property
+    def label(self) -> str:
+        """Name in a ranking: the family of an added effect, or the shape that replaces another."""
+        return self.new if self.old and self.new else head(self.name)
+
+    def __str__(self) -> str:
+        if self.old and self.new:
+            return f'{self.new} for {self.old}'
+        return self.new or f'no {self.old}'
+
+    def done(self, names: Names) -> Names:
+        """Return the names of a set with this change."""
+        return tuple(sorted({*names, self.new} - {self.old, ''}))
+
+    def undone(self, names: Names) -> Names:
+        """Return the names of a set with this change reversed."""
+        return Change(self.new, self.old).done(names)
+
+
+@dataclass(frozen=True)
 class Options:
     """
     The sets of effects that may be tried.
@@ -82,14 +111,14 @@ class Options:
     model : Bundle
     cells : Cells
     choices : Choices
-    effects : dict of str to Effect
-        Effects of the model and those that may be added, by name.
+    addable : tuple of Effect
+        Effects that may be added to those of the model.
     """
 
     model: Bundle
     cells: Cells
     choices: Choices
-    effects: dict[str, Effect]
+    addable: tuple[Effect, ...] = ()
 
     @classmethod
     def of(cls, model: Bundle, cells: Cells, choices: Choices, lengths: int = 1) -> Options:
@@ -103,17 +132,26 @@ class Options:
         """
         has = {'': True, 'several lengths': lengths > 1, 'length readings': any(
             taken.quantity == 'length' for taken in cells.data.taken)}
-        effects = {effect.name: effect for effect in model.effects}
+        own = {effect.name for effect in model.effects}
+        addable = []
         for name, kind in catalogue.available().items():
-            if name in effects or not kind.candidate or kind.load is not None:
+            if name in own or not kind.candidate or kind.load is not None:
                 continue
             if kind.place is Place.PNEUMATICS or not has[kind.needs] or (
                     kind.needs_time and cells.data.is_static):
                 continue
             effect = usual(kind, model)
             if not _has_no_parameters(effect) and not _has_no_influence(model, effect, cells):
-                effects[name] = effect
-        return cls(model, cells, choices, effects)
+                addable.append(effect)
+        return cls(model, cells, choices, tuple(addable))
+
+    @cached_property
+    def effects(self) -> dict[str, Effect]:
+        """Effects of the model and those that may be added, by name."""
+        effects = {effect.name: effect for effect in self.model.effects}
+        for effect in self.addable:
+            effects.setdefault(effect.name, effect)
+        return effects
 
     @cached_property
     def own(self) -> Names:
@@ -187,69 +225,41 @@ class Options:
         total += odds * sum(head(name) not in heads for name in set(self.own) - wanted)
         return float(total)
 
-    def changes(self, names: Iterable[str]) -> int:
-        """Return the number of effects that a set adds, replaces or removes."""
-        wanted = set(names)
-        return len({head(name) for name in wanted ^ set(self.own)})
-
-    def added(self, names: Iterable[str]) -> list[str]:
-        """Return effects of a set whose head the model did not have."""
-        had = {head(name) for name in self.own}
-        return [name for name in names if head(name) not in had]
-
-    def replaced(self, names: Iterable[str]) -> dict[str, str]:
-        """Return effects of the model that have another shape in a set: old to new."""
-        wanted = set(names)
-        return {old: new for old in self.own if old not in wanted
-                for new in wanted if head(new) == head(old)}
-
-    def removed(self, names: Iterable[str]) -> list[str]:
-        """Return effects of the model that a set does not have."""
-        heads = {head(name) for name in names}
-        return [name for name in self.own if head(name) not in heads]
+    def changes(self, names: Names) -> list[Change]:
+        """Return the differences between a set and the model as given."""
+        own = {head(name) for name in self.own}
+        shapes = {head(name): name for name in names}
+        return [*(Change('', name) for name in names if head(name) not in own),
+                *(Change(old, shapes[head(old)]) for old in self.own
+                  if old not in names and head(old) in shapes),
+                *(Change(old, '') for old in self.own if head(old) not in shapes)]
 
     def further(self, names: Names) -> list[Names]:
         """Return the sets with one change more."""
         had, own_heads = {head(name) for name in names}, {head(name) for name in self.own}
-        found = [with_name(names, name) for name in self.effects
+        found = [Change('', name).done(names) for name in self.effects
                  if head(name) not in had and head(name) not in own_heads]
         for name in set(names) & set(self.own) - self.fixed:
-            rest = without(names, name)
-            found += [with_name(rest, shape) for shape in self._shapes[head(name)]
-                      if shape != name]
-            found.append(rest)
+            found += [Change(name, shape).done(names)
+                      for shape in (*self._shapes[head(name)], '') if shape != name]
         return found
 
     def back(self, names: Names) -> list[Names]:
         """Return the sets with one change less."""
-        found = [without(names, name) for name in self.added(names)]
-        found += [with_name(without(names, new), old)
-                  for old, new in self.replaced(names).items()]
-        found += [with_name(names, name) for name in self.removed(names)]
-        return found
+        return [change.undone(names) for change in self.changes(names)]
 
     def reshaped(self, names: Names) -> list[Names]:
         """Return the sets with another shape of one effect that has been changed."""
-        changed = [*self.added(names), *self.replaced(names).values()]
-        return self._other_shapes(names, changed)
+        return self._other_shapes(
+            names, [change.new for change in self.changes(names) if change.new])
 
     def reshaped_own(self, names: Names) -> list[Names]:
         """Return the sets with another shape of one effect that the model has."""
         return self._other_shapes(names, set(names) & set(self.own) - self.fixed)
 
     def _other_shapes(self, names: Names, of: Iterable[str]) -> list[Names]:
-        return [with_name(without(names, name), shape) for name in sorted(of)
+        return [Change(name, shape).done(names) for name in sorted(of)
                 for shape in self._shapes[head(name)] if shape not in (name, *self.own)]
-
-
-def with_name(names: Names, name: str) -> Names:
-    """Return a set with a name added."""
-    return tuple(sorted({*names, name}))
-
-
-def without(names: Names, name: str) -> Names:
-    """Return a set without a name."""
-    return tuple(other for other in names if other != name)
 
 
 def _has_no_parameters(effect: Effect) -> bool:

@@ -23,47 +23,8 @@ from scipy.special import log_softmax, logsumexp
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import folds
-from fam_bundle_ros.discovery.options import head, Names, Options, with_name, without
+from fam_bundle_ros.discovery.options import Change, Names, Options
 from fam_bundle_ros.discovery.search import Search
-
-
-@dataclass(frozen=True)
-class Change:
-    """
-    One difference between a set and the model as given.
-
-    ``old`` is empty for an effect that is added, ``new`` for one that is removed.
-    """
-
-    old: str
-    new: str
-
-    @property
-    def name(self) -> str:
-        """Name of the effect that is added, else of the one that is removed."""
-        return self.new or self.old
-
-    @property
-    def label(self) -> str:
-        """Name in a ranking: the family of an added effect, or the shape that replaces another."""
-        return self.new if self.old and self.new else head(self.name)
-
-    def __str__(self) -> str:
-        if self.old and self.new:
-            return f'{self.new} for {self.old}'
-        return self.new or f'no {self.old}'
-
-    def undone(self, names: Names) -> Names:
-        """Return the names of a set with this change reversed."""
-        names = without(names, self.new) if self.new else names
-        return with_name(names, self.old) if self.old else names
-
-
-def changes(options: Options, names: Names) -> list[Change]:
-    """Return the differences between a set and the model as given."""
-    return [*(Change('', name) for name in options.added(names)),
-            *(Change(old, new) for old, new in options.replaced(names).items()),
-            *(Change(name, '') for name in options.removed(names))]
 
 
 @dataclass(frozen=True)
@@ -157,7 +118,7 @@ class Posterior:
                if k < settings.WEIGHED or fit.names == chosen.names]
         by_kind: dict[str, list[np.ndarray]] = {}
         for kind, _, test in folds(fitter.cells):
-            there = Fitter(fitter.cells, fitter.covariance.without(test))
+            there = Fitter(fitter.covariance.without(test))
             by_kind.setdefault(kind, []).append(log_softmax(
                 [there.evidence_of(whole.fits[k]) for k in top]))
         if not by_kind:
@@ -180,7 +141,7 @@ class Posterior:
 
     @cached_property
     def _changes(self) -> list[list[Change]]:
-        return [changes(self.options, fit.names) for fit in self.fits]
+        return [self.options.changes(fit.names) for fit in self.fits]
 
     def likely(self, chosen: Names, most: int = 8) -> list[LikelySet]:
         """Return the ``most`` most probable sets, and the chosen one if it is not among them."""
@@ -201,13 +162,10 @@ class Posterior:
         """Return the probability of a change by its label."""
         return self.probability(lambda change: change.label == label)
 
-    def best_with(self, label: str) -> tuple[Fit, Change] | None:
+    def best_with(self, label: str) -> tuple[Fit, Change]:
         """Return the most probable set with a change of this label, and that change."""
-        for fit, set_ in zip(self.fits, self._changes):
-            for change in set_:
-                if change.label == label:
-                    return fit, change
-        return None
+        return next((fit, change) for fit, set_ in zip(self.fits, self._changes)
+                    for change in set_ if change.label == label)
 
     def ties(self, named: Iterable[Change], chosen: Fit, odds: float) -> list[tuple[str, ...]]:
         """
@@ -217,7 +175,7 @@ class Posterior:
         the chosen set.
         """
         groups = []
-        labels = {change.label for change in changes(self.options, chosen.names)}
+        labels = {change.label for change in self.options.changes(chosen.names)}
         for change in named:
             others = []
             for k in self.near(chosen, odds):
@@ -236,7 +194,7 @@ class Posterior:
         They are the differences to the sets within ``odds`` of it; smaller trades are subtracted
         from larger ones that contain them.
         """
-        own = frozenset(changes(self.options, chosen.names))
+        own = frozenset(self.options.changes(chosen.names))
         sets = [frozenset(self._changes[k]) for k in self.near(chosen, odds)]
         found: list[Trade] = []
         for other in sorted(sets, key=lambda set_: len(own ^ set_)):
@@ -251,19 +209,9 @@ class Posterior:
 
     def spread(self, key: str, value: float) -> float | None:
         """
-        Return the standard deviation of u about a value, over all sets with this parameter.
+        Return the standard deviation of a parameter's u about a value, over all sets with it.
 
-        Parameters
-        ----------
-        key : str
-            Of the parameter.
-        value : float
-            Coordinate u.
-
-        Returns
-        -------
-        float or None
-            None if no set has the parameter.
+        None if no set has the parameter.
         """
         total = weight_sum = 0.0
         for fit, weight in zip(self.fits, self.weights):
@@ -277,6 +225,11 @@ class Posterior:
         return float(np.sqrt(total / weight_sum)) if weight_sum else None
 
 
+def least_loss(gain: float) -> float:
+    """Return the loss of log posterior from which an effect is named, if all together gain so."""
+    return max(settings.LEAST_LOSS, settings.LEAST_SHARE * gain)
+
+
 def named(search: Search, fit: Fit) -> tuple[Fit, list[Change], dict[str, float]]:
     """
     Return a set reduced to the effects to name, its changes and their losses by label.
@@ -288,10 +241,10 @@ def named(search: Search, fit: Fit) -> tuple[Fit, list[Change], dict[str, float]
     while True:
         loss = {change: fit.posterior - search.fit(change.undone(fit.names), fit.start,
                                                    fit.hyper).posterior
-                for change in changes(options, fit.names)}
+                for change in options.changes(fit.names)}
         gain = fit.posterior - search.null.posterior
         least = min(loss, key=lambda change: loss[change], default=None)
-        if least is None or loss[least] >= max(settings.LEAST_LOSS, settings.LEAST_SHARE * gain):
+        if least is None or loss[least] >= least_loss(gain):
             order = sorted(loss, key=lambda change: -loss[change])
             return fit, order, {change.label: loss[change] for change in order}
         fit = search.fits[least.undone(fit.names)]

@@ -79,15 +79,6 @@ class Prior:
         """Return d theta / d u."""
         return self.width * self.theta(u) if self.kind == 'log' else self.width
 
-    def u(self, theta: float) -> float:
-        """Return the coordinate of an SI value, within its limits."""
-        low, high = self.limits
-        if self.kind == 'log':
-            value = np.log(max(theta, 1e-300) / self.value) / self.width
-        else:
-            value = (theta - self.value) / self.width
-        return float(min(max(value, low), high))
-
 
 def own_priors(model: Bundle) -> list[Prior]:
     """Return the priors of a model's parameters: radius, braid angle, and those of its effects."""

@@ -14,11 +14,7 @@ def length_of(model: Bundle) -> float | None:
     return lengths.pop() if len(lengths) == 1 else None
 
 
-def recipe_for(model: Bundle, recipe: Recipe | None = None) -> Recipe:
+def recipe_for(model: Bundle, recipe: Recipe) -> Recipe:
     """Return a recipe with the length, and a missing highest pressure, of the model."""
-    recipe = recipe or Recipe()
-    recipe = recipe.merged(muscle_length=length_of(model))
-    if recipe.max_pressure is None:
-        recipe = recipe.merged(max_pressure=max(float(unit.max_pressure)
-                                                for unit in model.motor_units))
-    return recipe
+    highest = float(model.max_pressure.max()) if recipe.max_pressure is None else None
+    return recipe.merged(muscle_length=length_of(model), max_pressure=highest)

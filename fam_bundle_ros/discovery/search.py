@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.covariance import Hyper
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import COOLING, Fit, Fitter
 from fam_bundle_ros.discovery.linear import Linear, log_evidence
 from fam_bundle_ros.discovery.options import family, Names, Options
@@ -28,27 +30,22 @@ _STARTS = 1.2
 
 
 class Screened(NamedTuple):
-    """A set that was only linearised: start, log posterior with and without a discrepancy."""
+    """A set that was only linearised, with its start and the log posteriors as of a `Fit`."""
 
     names: Names
     start: dict[str, float]
-    value: float
-    white: float
+    posterior: float
+    white_posterior: float
 
 
-class _Ranking(NamedTuple):
-    """How sets are ranked: log posterior of a fitted and of a screened set."""
-
-    of_fit: Callable[[Fit], float]
-    of_screened: Callable[[Screened], float]
-
-
-#: With the discrepancy, and without it.
-_WHOLE = _Ranking(lambda fit: fit.posterior, lambda s: s.value)
-_WHITE = _Ranking(lambda fit: fit.white_posterior, lambda s: s.white)
+#: Log posterior of a fitted or a screened set, by which sets are ranked.
+_Ranking = Callable[[Any], float]
+_WHOLE: _Ranking = attrgetter('posterior')
+#: Without a discrepancy.
+_WHITE: _Ranking = attrgetter('white_posterior')
 
 
-def _ranked(sets: Iterable[Any], value: Callable[[Any], float]) -> list:
+def _ranked(sets: Iterable[Any], value: _Ranking) -> list:
     """
     Return sets, the most probable first; sets equal to three decimals in the order of their names.
 
@@ -71,18 +68,23 @@ class Search:
     """
     The search for the sets of highest posterior.
 
+    Without `run` it fits only the sets that `fit` is asked for.
+
     Attributes
     ----------
     options : Options
-    fitter : Fitter
     fits : dict of Names to Fit
         Every set that was fitted.
     """
 
     options: Options
-    fitter: Fitter
     progress: Progress = None
     fits: dict[Names, Fit] = field(default_factory=dict)
+
+    @cached_property
+    def fitter(self) -> Fitter:
+        """Fits sets to the cells of the options."""
+        return Fitter(Covariance(self.options.cells, self.options.choices.unexplained))
 
     def run(self) -> Search:
         """Fit sets until no further change improves the best one."""
@@ -97,12 +99,12 @@ class Search:
                     found[fit.names] = fit
             if not found:
                 break
-            ranked = _ranked(found.values(), _WHOLE.of_fit)
-            white = _ranked(found.values(), _WHITE.of_fit)
+            ranked = _ranked(found.values(), _WHOLE)
+            white = _ranked(found.values(), _WHITE)
             level = list({fit.names: fit for fit in [*_unlike(ranked), *_unlike(white)]}.values())
             if ranked[0].posterior > best.posterior:
                 best = ranked[0]
-            elif depth > self.options.changes(best.names) + 1:
+            elif depth > len(self.options.changes(best.names)) + 1:
                 break
         self._around(_WHITE)
         self._around(_WHOLE)
@@ -142,34 +144,34 @@ class Search:
         screened = [self.screen(node, names) for names in further if names not in self.fits]
         count = wide * settings.FITTED
         promising = [s for ranking in (_WHOLE, _WHITE)
-                     for s in _ranked(screened, ranking.of_screened)[:count]]
+                     for s in _ranked(screened, ranking)[:count]]
         return [*known, *(self.fit(s.names, s.start, node.hyper) for s in promising)]
 
     def _around(self, ranking: _Ranking) -> None:
         """Remove, replace and reshape effects of the best set until it does not improve."""
         for turn in range(3):
-            best = max(self.fits.values(), key=ranking.of_fit)
+            best = max(self.fits.values(), key=ranking)
             self._tell(6 + turn)
             for names in self.options.back(best.names):
                 # from this start too: at a local optimum the smaller set looks too improbable
                 fewer = self.again(names, best.start, best.hyper)
                 swaps = [self.screen(fewer, other) for other in self.options.further(names)
                          if other not in self.fits]
-                for s in _ranked(swaps, ranking.of_screened)[:settings.BEAM]:
+                for s in _ranked(swaps, ranking)[:settings.BEAM]:
                     self.fit(s.names, s.start, best.hyper)
             for names in self.options.reshaped(best.names):
                 if names not in self.fits:
                     self.fit(names, self.screen(best, names).start, best.hyper)
             for names in self.options.reshaped_own(best.names):
                 self.fit(names)
-            if max(self.fits.values(), key=ranking.of_fit) is best:
+            if max(self.fits.values(), key=ranking) is best:
                 break
 
     def _settle(self) -> None:
         """Refit the sets with one change less than a tie of the best, starting at that tie."""
         odds = np.log(self.options.choices.odds)
         settled = set()
-        for fit in _ranked(self.fits.values(), _WHOLE.of_fit):
+        for fit in _ranked(self.fits.values(), _WHOLE):
             if fit.posterior < self.best.posterior - odds:
                 break
             for names in self.options.back(fit.names):

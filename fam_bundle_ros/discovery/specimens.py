@@ -18,15 +18,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery.diagnose import Judged, Searched
 from fam_bundle_ros.discovery.estimates import estimates, with_intervals
 from fam_bundle_ros.discovery.held_out import beyond_cells
 from fam_bundle_ros.discovery.joint import JointPosterior
 from fam_bundle_ros.discovery.material import Constant, constants
-from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.search import Progress
 from fam_bundle_ros.discovery.settings import Choices
@@ -257,8 +255,7 @@ def _two_or_more(findings: Sequence[Finding]) -> list[int]:
 
 def _verdict(name: str, specimen: Specimen, searched: Searched, judged: Judged,
              left_out: bool, tied: tuple[tuple[str, ...], ...]) -> Verdict:
-    final = judged.physics if judged.finding.named else judged.base
-    data = searched.data
+    data, final = searched.data, judged.final
     errors = {word: rms(data.force - predict(fit.model, data))
               for word, fit in (('recalibrated', judged.base), ('best', final))}
     cells = searched.search.fitter.cells
@@ -269,4 +266,4 @@ def _verdict(name: str, specimen: Specimen, searched: Searched, judged: Judged,
         {p.key.partition('.')[2]: float(u) for p, u in zip(final.priors, final.u)
          if p.key.startswith('geometry.')}, searched.comparison.slips, left_out,
         with_intervals(final.model.named(f'{name}_{specimen.name}'), estimates(final),
-                       float(np.sqrt(np.mean(final.residual ** 2)))))
+                       rms(final.residual)))

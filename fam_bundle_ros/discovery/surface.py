@@ -15,10 +15,11 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from fam_bundle_ros.data.grouping import varying_unit
-from fam_bundle_ros.discovery.cells import averages, Cells, places
+from fam_bundle_ros.discovery.cells import Cells, places
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.linear import Linear
+from fam_bundle_ros.discovery.log_rows import averages
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.laws.discrepancy import DEAD, ROUNDING
 from fam_bundle_ros.model.vocabulary import bound, dahl
@@ -78,7 +79,7 @@ class Surface:
         """
         covariance = _covariance(fitter, model, needed, None)
         there = covariance.cells
-        local = Fitter(there, covariance)
+        local = Fitter(covariance)
         none = tuple(axis for axis, there in (('even', needed.even), ('odd', needed.both_ways))
                      if not there)
         small = local.first_hyper()._replace(**dict.fromkeys(none, 0))

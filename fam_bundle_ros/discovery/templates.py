@@ -21,9 +21,8 @@ from fam_bundle_ros.data.measurement import pressure_labels
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.fitter import Fit
-from fam_bundle_ros.discovery.options import makers
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, Effect, Parameter
+from fam_bundle_ros.model import Bundle, catalogue, Effect, Parameter
 from fam_bundle_ros.model.expression import expression_law, usual_place
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 
@@ -107,11 +106,9 @@ class _Shape:
     columns: np.ndarray  # (T, c): one column, or a sine and cosine
     words: str
     unit: str
-    families: tuple[str, ...]
-    expression: str | None
     kind: str
-    extra: int = 0  # scanned constants, which count as parameters
-    constants: tuple[tuple[str, float, str], ...] = ()  # with a unit: name, value, unit
+    expression: str | None
+    constants: tuple[tuple[str, float, str], ...]  # with a unit: name, value, unit
 
 
 def bank(cells: Cells, model: Bundle) -> list[_Shape]:
@@ -122,13 +119,11 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     single = data.pressure.shape[1] == 1
     shapes: list[_Shape] = []
 
-    def add(column: np.ndarray, words: str, unit: str, families: tuple[str, ...],
-            expression: str | None, kind: str, extra: int = 0,
+    def add(column: np.ndarray, words: str, unit: str, kind: str, expression: str | None = None,
             constants: tuple[tuple[str, float, str], ...] = ()) -> None:
         columns = column if column.ndim == 2 else column[:, None]
         if np.all(np.isfinite(columns)):
-            shapes.append(_Shape(columns, words, unit, families, expression, kind, extra,
-                                 constants))
+            shapes.append(_Shape(columns, words, unit, kind, expression, constants))
 
     pressures = [(np.ones_like(total), '', '', '', 0),
                  (total, ' times pressure', '/Pa', ' * pressure', 1),
@@ -141,21 +136,21 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
     for g, g_words, g_unit, g_text, power in pressures:
         def text(formula: str, g_text: str = g_text) -> str | None:
             return f'k * {formula}{g_text}' if single else None
+        unit = 'N' + g_unit
         for h, words, formula in smooth:
-            add(h * g, words + g_words, 'N' + g_unit, makers(f'smooth{power}'), text(formula),
-                f'smooth{power}')
+            add(h * g, words + g_words, unit, f'smooth{power}', text(formula))
         for onset in np.linspace(low + 0.12 * span, high - 0.08 * span, 25):
             add(np.maximum(e - onset, 0) * g, f'starts at strain {onset:.3f} and grows{g_words}',
-                'N' + g_unit, (), text(f'max(0, strain - {onset:.4f})'), f'onset{power}', 1)
+                unit, f'onset{power}', text(f'max(0, strain - {onset:.4f})'))
             add(np.maximum(e - onset, 0) ** 2 * g,
-                f'starts at strain {onset:.3f} and grows with its square{g_words}', 'N' + g_unit,
-                (), text(f'max(0, strain - {onset:.4f})**2'), f'onset{power}', 1)
-            add(np.maximum(onset - e, 0) * g, f'only below strain {onset:.3f}{g_words}',
-                'N' + g_unit, (), text(f'max(0, {onset:.4f} - strain)'), f'below{power}', 1)
+                f'starts at strain {onset:.3f} and grows with its square{g_words}', unit,
+                f'onset{power}', text(f'max(0, strain - {onset:.4f})**2'))
+            add(np.maximum(onset - e, 0) * g, f'only below strain {onset:.3f}{g_words}', unit,
+                f'below{power}', text(f'max(0, {onset:.4f} - strain)'))
             width = span / 10
             add(np.exp(-((e - onset) / width) ** 2) * g,
-                f'a bump about strain {onset:.3f}{g_words}', 'N' + g_unit, (),
-                text(f'exp(-((strain - {onset:.4f}) / {width:.4f})**2)'), f'bump{power}', 1)
+                f'a bump about strain {onset:.3f}{g_words}', unit, f'bump{power}',
+                text(f'exp(-((strain - {onset:.4f}) / {width:.4f})**2)'))
         # no period below three samples of strain, and none at all on a map of a few strains
         steps = np.abs(np.diff(e))[np.diff(data.trial) == 0]
         levels = len(np.unique(np.round(e / span * 400)))
@@ -166,14 +161,13 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
                 break
             wave = 2 * np.pi * e / period
             add(np.column_stack([np.sin(wave) * g, np.cos(wave) * g]),
-                f'periodic in strain, every {period:.4f}{g_words}', 'N' + g_unit, (), None,
-                f'periodic{power}', 1)
+                f'periodic in strain, every {period:.4f}{g_words}', unit, f'periodic{power}')
     for onset in np.linspace(total.min(), total.max(), 9)[1:-1]:
         for h, words, formula in smooth[:2]:
             add(np.maximum(total - onset, 0) * h,
-                f'only above {onset / 1e3:.0f} kPa, {words}', 'N/Pa', (),
+                f'only above {onset / 1e3:.0f} kPa, {words}', 'N/Pa', 'above_pressure',
                 f'k * {formula} * max(0, pressure - onset)' if single else None,
-                'above_pressure', 1, (('onset', float(onset), 'Pa'),))
+                (('onset', float(onset), 'Pa'),))
     for label, column in zip(pressure_labels(data), cells.motion.pressure.T):
         means = np.sort(pressure_levels(column)[1])
         if len(means) < 3:
@@ -181,25 +175,23 @@ def bank(cells: Cells, model: Bundle) -> list[_Shape]:
         for k, centre in enumerate(means):
             # half the distance to the next isobar: the value there is 2 %
             width = 0.5 * float(np.abs(np.delete(means, k) - centre).min())
-            unit = label.partition('.')[2]
+            of = label.partition('.')[2]
             add(np.exp(-((column - centre) / width) ** 2),
-                f'at {unit}{" " * bool(unit)}{centre / 1e3:.0f} kPa and not at other pressures',
-                'N', (), 'k * exp(-((pressure - centre) / width)**2)' if single else None,
-                'one_isobar', 1, (('centre', float(centre), 'Pa'), ('width', width, 'Pa')))
+                f'at {of}{" " * bool(of)}{centre / 1e3:.0f} kPa and not at other pressures',
+                'N', 'one_isobar',
+                'k * exp(-((pressure - centre) / width)**2)' if single else None,
+                (('centre', float(centre), 'Pa'), ('width', width, 'Pa')))
     below = np.minimum(force, 0.0)
     if (below < 0).mean() > 0.01:
-        resistive = makers('past_free')
-        add(below, 'past free strain, with the resistive force', '', resistive, None, 'past_free')
-        add((below < 0).astype(float), 'past free strain, constant', 'N', resistive, None,
-            'past_free')
-        add((below < 0) * total, 'past free strain, with pressure', 'N/Pa', resistive, None,
-            'past_free')
-    add(force, 'in proportion to the force', '', makers('force'), None, 'force')
-    add(force ** 2, 'with the square of the force', '1/N', (), None, 'force_squared')
+        add(below, 'past free strain, with the resistive force', '', 'past_free')
+        add((below < 0).astype(float), 'past free strain, constant', 'N', 'past_free')
+        add((below < 0) * total, 'past free strain, with pressure', 'N/Pa', 'past_free')
+    add(force, 'in proportion to the force', '', 'force')
+    add(force ** 2, 'with the square of the force', '1/N', 'force_squared')
     reach = float(np.abs(force).max())
     for share in (0.5, 0.65, 0.8):
         add(np.maximum(force - share * reach, 0), f'only above {share * reach:.0f} N of force', '',
-            (), None, 'force_onset', 1)
+            'force_onset')
     if not data.is_static:
         _add_motion(add, cells, data.force - force, e, total, force, single)
     return shapes
@@ -211,7 +203,6 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     data = cells.data
     rate, way = data.strain_rate, data.direction.astype(float)
     sign, given = 'tanh(strain_rate / rounding)', (('rounding', ROUNDING, '1/s'),)
-    dry, viscous, slow = makers('friction'), makers('speed'), makers('drift')
     on = ' * pressure' if single else None
     # a formula has the strain rate, but not the direction of the pressure at rest
     against = 'lower while filling than while venting' if data.is_held else 'against the motion'
@@ -222,16 +213,15 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
             (e, 'with strain', 'N', ' * strain', 'friction_strain'),
             (e * total, 'with strain and pressure', 'N/Pa', on and f' * strain{on}',
              'friction_strain')):
-        add(-way * size, f'{against}, {words}', unit, dry,
-            None if data.is_held or formula is None else f'-k * {sign}{formula}', kind,
-            constants=given)
-    add(-rate, 'against the motion, with speed', 'N*s', viscous, '-k * strain_rate', 'speed')
-    add(-rate * np.abs(rate), 'against the motion, with speed squared', 'N*s**2', viscous,
-        '-k * strain_rate * abs(strain_rate)', 'speed')
-    add(-rate * total, 'against the motion, with speed and pressure', 'N*s/Pa', viscous,
-        f'-k * strain_rate{on}' if on else None, 'speed')
-    add(np.abs(rate), 'with speed, equal in both directions', 'N*s', (), 'k * abs(strain_rate)',
-        'even_speed')
+        add(-way * size, f'{against}, {words}', unit, kind,
+            None if data.is_held or formula is None else f'-k * {sign}{formula}', given)
+    add(-rate, 'against the motion, with speed', 'N*s', 'speed', '-k * strain_rate')
+    add(-rate * np.abs(rate), 'against the motion, with speed squared', 'N*s**2', 'speed',
+        '-k * strain_rate * abs(strain_rate)')
+    add(-rate * total, 'against the motion, with speed and pressure', 'N*s/Pa', 'speed',
+        f'-k * strain_rate{on}' if on else None)
+    add(np.abs(rate), 'with speed, equal in both directions', 'N*s', 'even_speed',
+        'k * abs(strain_rate)')
     time = data.clock
     first = np.flatnonzero(data.start)
     own = time - time[first][np.cumsum(data.start) - 1]
@@ -239,32 +229,30 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     overall = time - time[0] if continuing else own
     if np.ptp(overall) > 0:
         t = overall / np.ptp(overall)
-        add(t, 'grows with the time of the log', 'N', slow, None, 'drift')
-        add(t * force, 'grows with the time of the log, with the force', '', slow, None, 'drift')
-        add(t ** 2, 'grows with the square of the time of the log', 'N', slow, None, 'drift')
+        add(t, 'grows with the time of the log', 'N', 'drift')
+        add(t * force, 'grows with the time of the log, with the force', '', 'drift')
+        add(t ** 2, 'grows with the square of the time of the log', 'N', 'drift')
     if continuing and np.ptp(own) > 0:
-        add(own / np.ptp(own), 'grows with the time of each trial', 'N',
-            makers('drift_trial'), None, 'drift_trial')
+        add(own / np.ptp(own), 'grows with the time of each trial', 'N', 'drift_trial')
     dt = np.diff(time, prepend=time[0])
     usual = float(np.median(dt[~data.start])) if (~data.start).any() else 1.0
     speed = np.zeros_like(total)
     moving = ~data.start
     speed[moving] = np.diff(total)[moving[1:]] / np.maximum(dt[moving], 1e-9)
-    add(speed, 'with the rate of the pressure', 'N*s/Pa', makers('pressure_rate'), None,
-        'pressure_rate')
+    add(speed, 'with the rate of the pressure', 'N*s/Pa', 'pressure_rate')
     restart = data.restart
     names = ((e, 'strain', 'N'), (total, 'pressure', 'N/Pa'), (force, 'force', ''))
     for signal, words, unit in names:
         for steps in (4, 16, 64, 256, 1024):
             slow_part = _lagged(signal, restart, steps)
             add(slow_part - signal, f'decays over {steps * usual:.3g} s after {words} changes',
-                unit, makers('decay'), None, 'decay', 1)
+                unit, 'decay')
     _add_hum(add, cells, residual, time if continuing else own)
     count = len(data.trial_names)
     if 4 <= count <= 60:
         for k in range(count):
             inside = (data.trial == k).astype(float)
-            add(inside, f'trial {data.trial_names[k]} alone', 'N', (), None, 'one_trial', 1)
+            add(inside, f'trial {data.trial_names[k]} alone', 'N', 'one_trial')
 
 
 def _add_hum(add: Any, cells: Cells, residual: np.ndarray, time: np.ndarray) -> None:
@@ -290,7 +278,7 @@ def _add_hum(add: Any, cells: Cells, residual: np.ndarray, time: np.ndarray) -> 
         return
     wave = 2 * np.pi * frequency[top] * time
     add(np.column_stack([np.sin(wave), np.cos(wave)]),
-        f'periodic in time, every {1.0 / frequency[top]:.3g} s', 'N', (), None, 'hum', 1)
+        f'periodic in time, every {1.0 / frequency[top]:.3g} s', 'N', 'hum')
 
 
 def _lagged(signal: np.ndarray, start: np.ndarray, steps: int) -> np.ndarray:
@@ -341,11 +329,18 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
         words = _signed(shape.words, coefficient)
         found.append(Template(
             words, coefficient, shape.unit, float(np.clip(gain / excess, 0, 1)), gain,
-            shape.families if words == shape.words else (), shape.expression, shape.kind, size,
-            shape.constants))
+            _families(shape.kind) if words == shape.words else (), shape.expression, shape.kind,
+            size, shape.constants))
         if len(found) == most:
             break
     return tuple(found)
+
+
+def _families(kind: str) -> tuple[str, ...]:
+    """Return the families of laws which, when missing in a model, leave this shape of error."""
+    kind = kind.removesuffix('_strain')  # friction that grows with strain is friction
+    return tuple(sorted({law.family for law in catalogue.available().values()
+                         if kind in law.leaves}))
 
 
 def _signed(words: str, coefficient: float) -> str:

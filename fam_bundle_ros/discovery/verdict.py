@@ -21,12 +21,13 @@ from fam_bundle_ros.data.measurement import BY_PRESSURE
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.artefacts import Artefact
 from fam_bundle_ros.discovery.cells import Cells, negligible
-from fam_bundle_ros.discovery.covariance import Covariance
+from fam_bundle_ros.discovery.covariance import Covariance, GRID
 from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.linear import log_evidence
-from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.priors import Prior
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import catalogue
 
 #: Limit of a plausible shift, in widths of the prior. Geometry beyond it gives a warning; a
@@ -79,7 +80,7 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     the parameters of that fit are implausible.
     """
     h = fit.hyper._replace(slow=0)
-    rough = covariance.white_sd(fit.hyper)
+    rough = float(np.sqrt(covariance.variance(fit.hyper.white)))
     if h.is_white:
         return Left(0.0, rough, rough)
     smooth = covariance.mean_of(h, fit.hyper, fit.residual)
@@ -130,9 +131,7 @@ def evidence_of_structure(fitter: Fitter, fit: Fit) -> float:
         for axis in ('white', 'slow', 'tau'):
             if axis not in fitter.covariance.axes:
                 continue
-            places = range(len(settings.AMPLITUDES) if axis != 'tau'
-                           else len(settings.TIME_LENGTHS))
-            tries = [h._replace(**{axis: place}) for place in places]
+            tries = [h._replace(**{axis: place}) for place in range(getattr(GRID, axis))]
             values = [log_evidence(fitter.covariance, q, fit.linear) for q in tries]
             h, best = tries[int(np.argmax(values))], max(best, max(values))
         if h == before:
@@ -148,10 +147,8 @@ class Finding:
     Attributes
     ----------
     verdict : str
-    before, after : Left
-        Discrepancy of the model as given (recalibrated) and of the chosen set.
-    explained : float
-        Relative reduction of the recalibrated model's mean square error by the changes.
+    after : Left
+        Discrepancy of the chosen set.
     refusals, warnings : tuple of str
         Sentences; refusals are the reasons why effects that fit are not named.
     artefacts : tuple of Artefact
@@ -162,9 +159,7 @@ class Finding:
     """
 
     verdict: str
-    before: Left
     after: Left
-    explained: float
     refusals: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     artefacts: tuple[Artefact, ...] = ()
@@ -194,36 +189,32 @@ def shown_probability(finding: Finding, probability: float, named: bool) -> floa
     return min(probability, DOUBTED if finding.warnings else 1.0)
 
 
-def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
-          found: Sequence[Change], held: HeldOut, artefacts: Sequence[Artefact],
-          inclusion: float, likely: bool) -> Finding:
+def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
+          held: HeldOut, artefacts: Sequence[Artefact], likely: bool) -> Finding:
     """
     Return the verdict.
 
     Parameters
     ----------
-    fitter : Fitter
-    null, chosen : Fit
-        The model with its own effects, and the chosen set, each with its discrepancy.
+    search : Search
+    chosen : Fit
+        The chosen set with its discrepancy.
     base, physics : Fit
-        The same sets fitted without a discrepancy.
+        The model with its own effects, and the chosen set, fitted without a discrepancy.
     found : sequence of Change
         Changes of the chosen set; may be empty.
     held : HeldOut
     artefacts : sequence of Artefact
-    inclusion : float
-        Prior probability that something is missing.
     likely : bool
         Whether the evidence named an effect before the test on held-out folds. If that test
         removed all effects, the verdict is `unexplained`, not `adequate`.
     """
-    cells = fitter.cells
-    before = remaining_discrepancy(fitter.covariance, null, base)
+    fitter, null, cells = search.fitter, search.null, search.fitter.cells
     after = remaining_discrepancy(fitter.covariance, chosen, physics)
-    still = evidence_of_structure(fitter, chosen)
+    needed = is_needed(evidence_of_structure(fitter, chosen), search.options.choices.inclusion)
     explained = _explained(base, physics) if found else 0.0
-    structured = is_structured(cells, still, after, inclusion)
-    faint = after.smooth if is_needed(still, inclusion) and not structured else 0.0
+    structured = needed and _is_visible(after, cells)
+    faint = after.smooth if needed and not structured else 0.0
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = _refusals(physics, held, _effect_of_pressure(fitter, null)) if found else ()
     if found and structured:
@@ -239,7 +230,7 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
         if artefacts or structured or likely:
             verdict = 'unexplained'
         else:
-            moved = _needs_recalibration(fitter, null, inclusion)
+            moved = _needs_recalibration(search)
             verdict = 'recalibrate' if moved else 'adequate'
     elif (refusals or after.total > max(negligible(cells), abnormal)
           or after.beside > negligible(cells) and explained < settings.MOST_OF_IT):
@@ -247,25 +238,34 @@ def judge(fitter: Fitter, null: Fit, base: Fit, chosen: Fit, physics: Fit,
     else:
         rest = structured or after.total > negligible(cells)
         verdict = 'partial' if warnings or rest else 'missing_effect'
-    return Finding(verdict, before, after, float(np.clip(explained, 0.0, 1.0)), refusals,
-                   warnings, tuple(artefacts), faint)
+    return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint)
 
 
-def is_structured(cells: Cells, need: float, left: Left, inclusion: float) -> bool:
-    """Return whether the data need a smooth discrepancy that is visible in the noise of rows."""
-    return is_needed(need, inclusion) and left.smooth > settings.VISIBLE * cells.noise
+def leaves_structure(search: Search, fit: Fit, physics: Fit) -> bool:
+    """
+    Return whether a set leaves a smooth discrepancy, visible in the noise of rows.
+
+    Parameters
+    ----------
+    search : Search
+    fit, physics : Fit
+        The set, fitted with and without a discrepancy.
+    """
+    fitter = search.fitter
+    return (is_needed(evidence_of_structure(fitter, fit), search.options.choices.inclusion)
+            and _is_visible(remaining_discrepancy(fitter.covariance, fit, physics), fitter.cells))
+
+
+def _is_visible(left: Left, cells: Cells) -> bool:
+    return left.smooth > settings.VISIBLE * cells.noise
 
 
 def is_needed(need: float, inclusion: float) -> bool:
     """
     Return whether the data need a smooth discrepancy, with the same prior odds as an effect.
 
-    Parameters
-    ----------
-    need : float
-        Log Bayes factor of `evidence_of_structure`.
-    inclusion : float
-        Prior probability that something is missing.
+    ``need`` is the log Bayes factor of `evidence_of_structure`, ``inclusion`` the prior
+    probability that something is missing.
     """
     return bool(need + np.log(inclusion / (1.0 - inclusion)) > settings.LEAST_LOSS)
 
@@ -280,22 +280,19 @@ def _explained(base: Fit, physics: Fit) -> float:
     return 1.0 - float(np.mean(physics.residual ** 2) / np.mean(base.residual ** 2))
 
 
-def _needs_recalibration(fitter: Fitter, null: Fit, inclusion: float) -> bool:
+def _needs_recalibration(search: Search) -> bool:
     """
     Return whether the model needs recalibration.
 
     It does if the evidence is against the parameters as given, or if they leave structure.
     """
-    nothing = np.zeros(0)
+    fitter, null = search.fitter, search.null
     residual = fitter.residual(null.model, null.priors, np.zeros(len(null.u)))
-    as_given = replace(null, priors=(), u=nothing, residual=residual,
-                       slopes=np.zeros((len(residual), 0)))
-    hyper, evidence = fitter.best_hyper(null.hyper, as_given.linear)
-    as_given = replace(as_given, hyper=hyper, evidence=evidence)
-    left = remaining_discrepancy(fitter.covariance, as_given, as_given)
-    return (null.evidence - evidence > settings.LEAST_LOSS
-            or is_structured(fitter.cells, evidence_of_structure(fitter, as_given), left,
-                             inclusion))
+    as_given = fitter.beside_discrepancy(
+        replace(null, priors=(), u=np.zeros(0), residual=residual,
+                slopes=np.zeros((len(residual), 0))), null.hyper)
+    return (null.evidence - as_given.evidence > settings.LEAST_LOSS
+            or leaves_structure(search, as_given, as_given))
 
 
 def _effect_of_pressure(fitter: Fitter, null: Fit) -> float:

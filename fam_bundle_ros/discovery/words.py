@@ -19,8 +19,8 @@ from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, remedy_of
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import HeldOut
-from fam_bundle_ros.discovery.options import head
-from fam_bundle_ros.discovery.posterior import Change, Posterior, Trade
+from fam_bundle_ros.discovery.options import Change, head
+from fam_bundle_ros.discovery.posterior import Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding, is_enough
 from fam_bundle_ros.model import Bundle
@@ -198,8 +198,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
 
 
 def _labels(posterior: Posterior, fit: Fit) -> list[str]:
-    from fam_bundle_ros.discovery.posterior import changes
-    return [change.label for change in changes(posterior.options, fit.names)]
+    return [change.label for change in posterior.options.changes(fit.names)]
 
 
 def _rival(posterior: Posterior, tie: tuple[str, ...], chosen: Fit) -> Fit | None:

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue, reach
 from fam_bundle_ros.model.effect import Effect
-from fam_bundle_ros.model.geometry import Geometry
+from fam_bundle_ros.model.geometry import DIMENSIONS, Geometry
 from fam_bundle_ros.model.laws.base import Place
 from fam_bundle_ros.model.muscles import Muscles
 from fam_bundle_ros.model.parts import Motion, MotorUnit, Pneumatics, SensorError
-from fam_bundle_ros.model.rows import differences
+from fam_bundle_ros.model.rows import differences, reading
 from fam_bundle_ros.model.seam import Model
 
 #: Rest lengths within 2 % count as equal: the error of their measurement.
@@ -293,7 +293,7 @@ class Bundle:
         sensor effects. The result is comparable with a measured force.
         """
         self._check_width(motion.pressure)
-        return self._muscles.reading(motion)[0]
+        return reading(self._muscles, motion)[0]
 
     def jacobian(self, motion: Motion, keys: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -321,7 +321,7 @@ class Bundle:
         """
         self._check_width(motion.pressure)
         try:
-            return self._muscles.reading(motion, keys)
+            return reading(self._muscles, motion, keys)
         except NotImplementedError:
             return self.predict(motion), differences(self, motion, keys)
 
@@ -409,7 +409,7 @@ class Bundle:
         first = self.motor_units[0].geometry
         new = {}
         for name, value in dimensions.items():
-            if name not in ('radius', 'length', 'braid_angle', 'wall_thickness'):
+            if name not in DIMENSIONS:
                 raise InputError(f"geometry has no dimension '{name}'")
             own, reference = getattr(geometry, name), getattr(first, name)
             new[name] = own - reference + value if name == 'braid_angle' \

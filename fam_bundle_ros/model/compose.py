@@ -17,7 +17,6 @@ The text is in `linecache`, so tracebacks show its lines. It has no names from a
 
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
-import linecache
 import textwrap
 from types import SimpleNamespace
 from typing import Any
@@ -36,7 +35,7 @@ from fam_bundle_ros.model.laws.base import (
     TABLES,
 )
 from fam_bundle_ros.model.seam import CURVE, pointers
-from fam_bundle_ros.model.source import filed
+from fam_bundle_ros.model.source import executed
 from fam_bundle_ros.model.vocabulary import bound
 
 #: Column of the shape array with the number of muscles, after the fields `SHAPE`.
@@ -111,6 +110,7 @@ class Composition:
         self.memory = tuple((law.name, name) for law in laws for name in law.memory)
         self.tabled = tuple(law.name for law in laws if law.load is not None)
         self._functions: dict[str, Callable] = {}
+        self._modes: dict[str, SimpleNamespace] = {}
         self._fields: dict[str, tuple[str, ...]] = {}
         self._parts: dict[Place, list[tuple[str, Law, Part]]] = {place: [] for place in Place}
         for index, law in enumerate(laws):
@@ -294,22 +294,9 @@ class Composition:
             for called, function in self._functions.items()})
 
     def _with_names(self, mode, words, laws):
-        names: dict[str, Any] = {'__name__': __name__, 'np': words, **laws}
-        exec(self._code(mode), names)
+        names = executed(self.text, 'laws', {'np': words, **laws}, mode == 'kernels')
         return SimpleNamespace(**{name: item for name, item in names.items()
                                   if name not in {'np', *laws} and not name.startswith('__')})
-
-    @cached_property
-    def _modes(self) -> dict[str, SimpleNamespace]:
-        return {}
-
-    def _code(self, mode):
-        """Return the compiled text; for kernels it is also written to a file, for numba."""
-        name = f'<laws {" ".join(self._functions)[:60]} {id(self):x}>'
-        if mode == 'kernels':
-            name = filed(self.text, 'laws') or name
-        linecache.cache[name] = (len(self.text), None, self.text.splitlines(True), name)
-        return compile(self.text, name, 'exec')
 
     @cached_property
     def plain(self) -> tuple[Callable, Callable, Callable]:

@@ -12,7 +12,6 @@ from the text, and has no names from the file: parameters are called p0, p1, ...
 import ast
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-import linecache
 import operator
 import re
 from typing import Any
@@ -22,6 +21,7 @@ import numpy as np
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.laws.base import Law, Parameter, Part, Place
+from fam_bundle_ros.model.source import defined
 from fam_bundle_ros.units import registry
 
 _MAX_LENGTH = 500
@@ -240,15 +240,11 @@ def _source(node: Any, own: Mapping[str, str]) -> str:
 
 
 def _function(tree: ast.expr, own: Mapping[str, str]) -> Callable:
-    """Return the plain function of a tree; its source is in `linecache` for tracebacks."""
+    """Return the plain function of a tree."""
     used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     arguments = [name for name in VARIABLES if name in used and name != 'pi'] + [*own.values()]
     text = f'def formula({", ".join(arguments)}):\n    return {_source(tree, own)}\n'
-    file = f'<expression {hash(text):x}>'
-    linecache.cache[file] = (len(text), None, text.splitlines(True), file)
-    names: dict[str, Any] = {'__name__': __name__, 'np': np}
-    exec(compile(text, file, 'exec'), names)
-    return names['formula']
+    return defined(text, 'formula', {'np': np})
 
 
 def _check_units(name, tree, place, parameters):

@@ -6,7 +6,7 @@ Dimensions of one McKibben muscle, in SI units.
 Strain is e = (L0 - L)/L0, positive when shorter.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ import numpy as np
 RADIUS_TOLERANCE = 0.04
 BRAID_ANGLE_TOLERANCE = np.radians(1.5)
 
+#: Dimensions of a muscle, and the units in which they are shown and written.
+DIMENSIONS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
 #: Names of the values that `derived` returns.
 DERIVED = ('cos2', 'sin2', 'cot2', 'area', 'wall_area')
 
@@ -67,8 +69,8 @@ class Geometry:
     @classmethod
     def stack(cls, geometries):
         """Return one Geometry with array fields (n,) from n geometries."""
-        names = [item.name for item in fields(cls) if item.init]
-        return cls(*(np.array([getattr(g, name) for g in geometries], float) for name in names))
+        return cls(*(np.array([getattr(g, name) for g in geometries], float)
+                     for name in DIMENSIONS))
 
 
 def geometry_problem(radius: float, length: float, braid_angle: float, wall_thickness: float,

@@ -20,7 +20,7 @@ from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effect import Effect
 from fam_bundle_ros.model.expression import check_division, expression_law, usual_place
-from fam_bundle_ros.model.geometry import Geometry, geometry_problem
+from fam_bundle_ros.model.geometry import DIMENSIONS, Geometry, geometry_problem
 from fam_bundle_ros.model.laws.base import Law, Parameter
 from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
 from fam_bundle_ros.resources import model_path
@@ -30,7 +30,6 @@ FORMAT = 'fam-bundle-model/1'
 _MAX_BYTES = 1_000_000
 #: Largest strain of a muscle, for the check of formulas.
 _LONGEST_STRAIN = 0.45
-_DIMENSIONS = {'radius': 'mm', 'length': 'mm', 'braid_angle': 'deg', 'wall_thickness': 'mm'}
 
 
 class _Map(dict):
@@ -164,9 +163,9 @@ class _Reader:
         self.known(item, ('name', 'muscles', 'geometry', 'max_pressure'), what, line)
         if 'geometry' not in item:
             raise self.error(item.line, f'{what} has no geometry')
-        shape = self.known(item['geometry'], tuple(_DIMENSIONS), f'geometry of {what}', item.line)
+        shape = self.known(item['geometry'], tuple(DIMENSIONS), f'geometry of {what}', item.line)
         values = {}
-        for key, unit in _DIMENSIONS.items():
+        for key, unit in DIMENSIONS.items():
             if key not in shape:
                 raise self.error(shape.line, f'geometry of {what} has no {key}')
             values[key] = self.quantity(shape[key], unit, key, shape.lines[key])
@@ -243,6 +242,7 @@ class _Reader:
                          f'parameter of {effect}', name=str(key))
 
     def values(self, law: Law, settings, line, options) -> Effect:
+        """Return an effect with the values, bounds and intervals of the file."""
         described = {p.name: p for p in law.parameters}
         values, bounds, intervals = {}, {}, {}
         for key, setting in settings.items():
@@ -252,33 +252,20 @@ class _Reader:
             if key not in described:
                 raise self.error(at, f"{law.name} has no parameter '{key}'; it has "
                                  f"{', '.join(described) or 'none'}")
-            parameter = described[key]
-            label = f'{law.name}.{key}'
+            parameter, label = described[key], f'{law.name}.{key}'
             if isinstance(setting, _Map):
                 self.known(setting, ('value', 'lower', 'upper', 'interval'), label, at)
-                if 'value' in setting:
-                    values[key] = self.quantity(setting['value'], parameter.unit, label, at)
-                low, high = (
-                    self.quantity(setting[end], parameter.unit, f'{label}.{end}', at)
-                    if end in setting else default * parameter.scale
-                    for end, default in (('lower', parameter.lower), ('upper', parameter.upper)))
-                if low > high:
-                    raise self.error(at, f'{label}: lower is above upper')
-                for end in (low, high):
-                    try:
-                        parameter.check(end)
-                    except InputError as error:
-                        raise self.error(at, f'{label}: a model file may narrow the bounds: '
-                                         f'{error}') from error
-                bounds[key] = (low, high)
-                if 'interval' in setting:
-                    if not isinstance(setting['interval'], list) or len(setting['interval']) != 2:
-                        raise self.error(at, f'{label}.interval must be a list of two values')
-                    intervals[key] = tuple(
-                        self.quantity(v, parameter.unit, f'{label}.interval', at)
-                        for v in setting['interval'])
+                bounds[key] = self.bounds(parameter, setting, label, at)
             else:
-                values[key] = self.quantity(setting, parameter.unit, label, at)
+                setting = {'value': setting}
+            if 'value' in setting:
+                values[key] = self.quantity(setting['value'], parameter.unit, label, at)
+            if 'interval' in setting:
+                if not isinstance(setting['interval'], list) or len(setting['interval']) != 2:
+                    raise self.error(at, f'{label}.interval must be a list of two values')
+                intervals[key] = tuple(
+                    self.quantity(v, parameter.unit, f'{label}.interval', at)
+                    for v in setting['interval'])
         for key, value in values.items():
             try:
                 low, high = bounds.get(key, (-math.inf, math.inf))
@@ -295,6 +282,21 @@ class _Reader:
             raise self.error(settings.lines.get('table', line), f'{law.name}: {error}') from error
         effect.bounds, effect.intervals = bounds, intervals
         return effect
+
+    def bounds(self, parameter: Parameter, setting, label, line) -> tuple[float, float]:
+        """Return the bounds of a parameter, SI, which a file may narrow."""
+        low, high = (self.quantity(setting[end], parameter.unit, f'{label}.{end}', line)
+                     if end in setting else default * parameter.scale
+                     for end, default in (('lower', parameter.lower), ('upper', parameter.upper)))
+        if low > high:
+            raise self.error(line, f'{label}: lower is above upper')
+        for end in (low, high):
+            try:
+                parameter.check(end)
+            except InputError as error:
+                raise self.error(line, f'{label}: a model file may narrow the bounds: {error}'
+                                 ) from error
+        return low, high
 
 
 def load_model(path: str | Path, allow_python: bool = False) -> Bundle:
@@ -357,7 +359,7 @@ def dumps_model(bundle: Bundle, folder: str | Path | None = None) -> str:
     tree['motor_units'] = [
         {'name': unit.name, 'muscles': unit.muscles,
          'geometry': {key: express(float(getattr(unit.geometry, key)), shown, 9)
-                      for key, shown in _DIMENSIONS.items()},
+                      for key, shown in DIMENSIONS.items()},
          'max_pressure': express(unit.max_pressure, 'kPa', 9)} for unit in bundle.motor_units]
     files = dict.fromkeys(e.python_file for e in bundle.effects if e.python_file)
     if files:

@@ -132,10 +132,6 @@ class Muscles:
         self.warn_outside(np.asarray(motion.strain)[:, None], motion.pressure)
         return rows.unit_forces(self, motion)
 
-    def reading(self, motion: Motion, keys: Sequence[str] = ()) -> tuple[np.ndarray, np.ndarray]:
-        """Return the load cell's reading (T,) and its derivatives (T, K); see `rows.reading`."""
-        return rows.reading(self, motion, keys)
-
     def gas(self, what: str, strain, pressure) -> np.ndarray:
         """Return gas ``volume`` or ``volume_slope`` (..., n)."""
         strain, pressure, _ = _columns(strain, pressure)

@@ -17,7 +17,7 @@ from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.model import catalogue
 from fam_bundle_ros.model.bundle import Bundle
 from fam_bundle_ros.model.effect import Effect
-from fam_bundle_ros.model.geometry import Geometry, geometry_problem
+from fam_bundle_ros.model.geometry import DIMENSIONS, Geometry, geometry_problem
 from fam_bundle_ros.model.laws.base import Place
 from fam_bundle_ros.model.modelfile import FORMAT
 from fam_bundle_ros.model.parts import MAX_PRESSURE, MOST_MUSCLES, MotorUnit
@@ -244,9 +244,8 @@ def dimensions_of(bundle: Bundle) -> dict[str, str]:
     Dimensions are those of the first motor unit; `fitted_bundle` gives all units the same.
     """
     first = bundle.motor_units[0]
-    units = {entry.key: entry.unit for entry in ENTRIES}
-    values = {key: express(float(getattr(first.geometry, key)), units[key])
-              for key in ('radius', 'length', 'braid_angle', 'wall_thickness')}
+    values = {key: express(float(getattr(first.geometry, key)), unit)
+              for key, unit in DIMENSIONS.items()}
     return {**values, 'muscles': ', '.join(str(unit.muscles) for unit in bundle.motor_units),
             'max_pressure': express(float(first.max_pressure), 'kPa')}
 
@@ -314,7 +313,7 @@ def model_text(bundle: Bundle, values: Mapping[str, str], sources: Mapping[str, 
              'motor_units:  # in the order of recruitment']
     for k, unit in enumerate(bundle.motor_units):
         block = [*commented('muscles', 4, str(unit.muscles)), '    geometry:']
-        for key in ('radius', 'length', 'braid_angle', 'wall_thickness'):
+        for key in DIMENSIONS:
             block += commented(key, 6)
         block += commented('max_pressure', 4)
         # comments only for the first unit

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Data classes of a bundle: motor units, records of motion, overlap, sensor errors, pneumatics."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -91,11 +91,11 @@ class Overlap:
     dip: float
     dip_pressure: float
     onset_pressure: float
-    width: float = field(init=False)
 
-    def __post_init__(self):
-        """Compute the width of the range."""
-        object.__setattr__(self, 'width', self.high - self.low)
+    @property
+    def width(self) -> float:
+        """Width of the range, N."""
+        return self.high - self.low
 
 
 @dataclass(frozen=True)

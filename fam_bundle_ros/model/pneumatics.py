@@ -137,11 +137,9 @@ class ValveFlow:
         return valve_flow(self, opening, pressure, supply, ambient)
 
 
-def pressure_rate(pressure: float, volume: float, volume_rate: float, flow: float,
-                  temperature: float = REFERENCE_TEMPERATURE,
-                  exponent: float = POLYTROPIC) -> float:
+def pressure_rate(pressure: float, volume: float, volume_rate: float, flow: float) -> float:
     """
-    Return dp/dt of a chamber in Pa/s: exponent (R T flow - p dV/dt)/V.
+    Return dp/dt of a chamber in Pa/s: `POLYTROPIC` (R T flow - p dV/dt)/V.
 
     Parameters
     ----------
@@ -152,12 +150,9 @@ def pressure_rate(pressure: float, volume: float, volume_rate: float, flow: floa
     flow : float, kg/s
         Into the chamber.
     """
-    return exponent * (GAS_CONSTANT * temperature * flow - pressure * volume_rate) / volume
+    return POLYTROPIC * (RT * flow - pressure * volume_rate) / volume
 
 
-def flow_for(pressure: float, volume: float, volume_rate: float, wanted_rate: float,
-             temperature: float = REFERENCE_TEMPERATURE,
-             exponent: float = POLYTROPIC) -> float:
+def flow_for(pressure: float, volume: float, volume_rate: float, wanted_rate: float) -> float:
     """Return the mass flow that gives a wanted dp/dt: the inverse of `pressure_rate`, kg/s."""
-    return (wanted_rate * volume / exponent + pressure * volume_rate) / (
-        GAS_CONSTANT * temperature)
+    return (wanted_rate * volume / POLYTROPIC + pressure * volume_rate) / RT

@@ -290,7 +290,7 @@ def _recurrence(gain, offset, start, size):
     if gain is None:
         return offset
     if kernels.numba() is None:
-        return affine_scan(gain, offset, start)
+        return affine_scan(start, gain, offset)
     out = np.empty(size)
     kernels.compiled(affine_rows)(gain, np.ascontiguousarray(offset), start, out)
     return out

@@ -17,7 +17,7 @@ import numpy as np
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.compose import MUSCLES
 from fam_bundle_ros.model.dual import applied, Dual, DualWords, slopes_of, value_of
-from fam_bundle_ros.model.geometry import DERIVED, derived
+from fam_bundle_ros.model.geometry import DERIVED, derived, DIMENSIONS
 from fam_bundle_ros.model.laws.base import Place, SHAPE
 from fam_bundle_ros.model.parts import Motion
 from fam_bundle_ros.model.rowlaw import row_law
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 BLOCK = 8192
 #: Relative step of central differences: cube root of the rounding of a double.
 _STEP = 6e-6
-#: Dimensions of a muscle in keys such as ``geometry.radius``.
-DIMENSIONS = ('radius', 'length', 'braid_angle', 'wall_thickness')
 
 
 def unit_forces(model: 'Muscles', motion: Motion) -> np.ndarray:

@@ -11,14 +11,14 @@ parallel: cost linear in T, exact for any sampling, also for one control tick (T
 import numpy as np
 
 
-def affine_scan(gain, offset, start):
+def affine_scan(start, gain, offset):
     """
     Return y with y[k] = gain[k] y[k-1] + offset[k] and y[-1] = start.
 
     Parameters
     ----------
-    gain, offset : array, shape (T, ...)
     start : array, shape (...)
+    gain, offset : array, shape (T, ...)
 
     Returns
     -------
@@ -26,7 +26,7 @@ def affine_scan(gain, offset, start):
 
     Examples
     --------
-    >>> affine_scan(np.full(3, 0.5), np.ones(3), 0.0)
+    >>> affine_scan(0.0, np.full(3, 0.5), np.ones(3))
     array([1.  , 1.5 , 1.75])
     """
     gain, offset = np.broadcast_arrays(gain, offset)
@@ -46,7 +46,7 @@ def affine_scan(gain, offset, start):
     return _record(np.where(forgets, 0.0, gains * carry) + offsets, len(offset))
 
 
-def clamp_scan(lower, upper, start):
+def clamp_scan(start, lower, upper):
     """
     Return y with y[k] = clip(y[k-1], lower[k], upper[k]) and y[-1] = start: a play operator.
 
@@ -54,7 +54,7 @@ def clamp_scan(lower, upper, start):
 
     Examples
     --------
-    >>> clamp_scan(np.array([1., -1., -1.]), np.array([2., 3., 0.5]), 0.0)
+    >>> clamp_scan(0.0, np.array([1., -1., -1.]), np.array([2., 3., 0.5]))
     array([1. , 1. , 0.5])
     """
     lower, upper = np.broadcast_arrays(lower, upper)
@@ -71,6 +71,14 @@ def clamp_scan(lower, upper, start):
         carry[block] = value
         value = np.minimum(np.maximum(value, lowers[-1, block]), uppers[-1, block])
     return _record(np.minimum(np.maximum(carry, lowers), uppers), len(lower))
+
+
+def before_scan(start, signal):
+    """Return y with y[k] = signal[k-1] and y[0] = start; the signal itself if it is constant."""
+    signal = np.asarray(signal, float)
+    if not signal.ndim:
+        return signal
+    return np.concatenate([[start], signal[:-1]])
 
 
 def _blocks(values, identity):

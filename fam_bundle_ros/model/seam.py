@@ -26,7 +26,6 @@ CURVE = ('void(int64, float64, float64, float64[::1], float64, float64, boolean,
          'float64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[::1])')
 VOLUME = ('float64(int64, float64, float64[::1], float64, float64[:, ::1], float64[::1], '
           'float64[::1])')
-VOLUME_SLOPE = VOLUME
 
 
 class Model(NamedTuple):
@@ -52,4 +51,4 @@ class Model(NamedTuple):
 def pointers(force: Callable, volume: Callable, volume_slope: Callable) -> tuple[Any, Any, Any]:
     """Return three kernels as C functions; raises `kernels.NotCompiled` if that is impossible."""
     return (kernels.pointer(force, FORCE), kernels.pointer(volume, VOLUME),
-            kernels.pointer(volume_slope, VOLUME_SLOPE))
+            kernels.pointer(volume_slope, VOLUME))

@@ -17,14 +17,20 @@ from fam_bundle_ros import kernels
 
 
 def defined(text: str, name: str, names: Mapping[str, Any], to_compile: bool = False) -> Callable:
+    """Return the function of a name that a text defines; see `executed`."""
+    return executed(text, name, names, to_compile)[name]
+
+
+def executed(text: str, name: str, names: Mapping[str, Any], to_compile: bool = False,
+             ) -> dict[str, Any]:
     """
-    Return the function defined in a text.
+    Return all names that a text uses and defines.
 
     Parameters
     ----------
     text : str
     name : str
-        Name of the function.
+        What the text defines, for its file.
     names : mapping
         Global names that it may use.
     to_compile : bool
@@ -35,7 +41,7 @@ def defined(text: str, name: str, names: Mapping[str, Any], to_compile: bool = F
     linecache.cache[path] = (len(text), None, text.splitlines(True), path)
     scope = {**names, '__name__': __name__}
     exec(compile(text, path, 'exec'), scope)
-    return scope[name]
+    return scope
 
 
 def filed(text: str, name: str) -> str:

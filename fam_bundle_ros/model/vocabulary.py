@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros import kernels
-from fam_bundle_ros.model.scan import affine_scan, clamp_scan
+from fam_bundle_ros.model.scan import affine_scan, before_scan, clamp_scan
 
 # --- functions beyond NumPy's ------------------------------------------------------------------
 
@@ -157,28 +157,9 @@ class _CompiledWords:
         return module
 
 
-# --- the same functions along time -------------------------------------------------------------
-
-def _clamp_scan(memory, lower, upper):
-    return clamp_scan(lower, upper, memory)
-
-
-def _affine_scan(memory, gain, offset):
-    return affine_scan(gain, offset, memory)
-
-
-def _before_scan(memory, signal):
-    signal = np.asarray(signal, float)
-    if not signal.ndim:  # constant
-        return signal
-    shifted = np.empty_like(signal)
-    shifted[0], shifted[1:] = memory, signal[:-1]
-    return shifted
-
-
 _SWAPS: dict[str, dict[Any, Any]] = {
     'arrays': {},
-    'scans': {affine: _affine_scan, clamp: _clamp_scan, before: _before_scan},
+    'scans': {affine: affine_scan, clamp: clamp_scan, before: before_scan},
     'floats': {np: types.SimpleNamespace(**_WORDS), cell: _cell_search},
     'kernels': {np: _CompiledWords(), cell: _cell_search},
 }

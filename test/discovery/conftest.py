@@ -66,4 +66,4 @@ def problem(sweeps, paper_muscle):
     """Return cells of sweeps with friction, a covariance over them, and a fitter."""
     cells = reduce(paper_muscle, sweeps(paper_muscle.with_effect('coulomb_friction')), most=120)
     covariance = Covariance(cells, 0.01)
-    return cells, covariance, Fitter(cells, covariance)
+    return cells, covariance, Fitter(covariance)

@@ -10,10 +10,10 @@ import pytest
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery.artefacts import _drifts, drift
 from fam_bundle_ros.discovery.cells import negligible, reduce
-from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.diagnose import diagnose
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 
 
@@ -25,9 +25,8 @@ def swing(size, period=2.2):
 def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
     """Where the joint fit has a slow part; an error over the strain is none."""
     cells = reduce(paper_muscle, make_sweeps(), most=60)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
-    options = Options.of(paper_muscle, cells, Choices())
-    fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    search = Search(Options(paper_muscle, cells, Choices()))
+    fitter, fit = search.fitter, search.fit(search.options.own)
     slow = 6.0 * np.sin(cells.time / 33.0)
     wave = 2.0 * np.sin(30.0 * cells.strain)
     both = Hyper(even=11, strain=3, pressure=1, slow=11, tau=2)

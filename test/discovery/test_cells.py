@@ -11,19 +11,15 @@ from scipy.signal import lfilter
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import Choices, diagnose, settings
-from fam_bundle_ros.discovery.cells import (
-    _at_most,
-    _places,
-    _renumbered,
+from fam_bundle_ros.discovery.cells import _at_most, _places, _renumbered, reduce, visits
+from fam_bundle_ros.discovery.log_rows import (
     _widest_block,
     averaged,
     averages,
     jumped,
-    reduce,
     stretches,
     thinned,
     unknown_direction,
-    visits,
 )
 from fam_bundle_ros.model import load_model, Motion
 

@@ -19,11 +19,8 @@ from fam_bundle_ros.discovery.choice import (
     predictive,
     within_standard_error,
 )
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import held_out_physics, squares_of_folds
 from fam_bundle_ros.discovery.options import Options, usual
-from fam_bundle_ros.discovery.posterior import changes
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 
@@ -55,8 +52,7 @@ def measured(thick):
 def search(thick, measured):
     """Return the search for what the muscle lacks at two strains."""
     cells, choices = reduce(thick, measured(0.0, 0.07)), Choices()
-    return Search(Options.of(thick, cells, choices),
-                  Fitter(cells, Covariance(cells, choices.unexplained))).run()
+    return Search(Options.of(thick, cells, choices)).run()
 
 
 def test_between_two_strains_a_thick_muscle_is_as_a_usual_one(thick, measured):
@@ -98,8 +94,8 @@ def test_of_models_that_disagree_the_middle_one_is_nearest_to_all(search, thick)
 def test_a_shape_that_is_far_from_all_others_between_the_strains_is_not_chosen(search):
     """On isobars a polynomial is as good as any; the others agree, and it is not with them."""
     fit = search.fit(('bladder_polynomial', 'mesh', 'tendon_slack', 'threshold_pressure'))
-    found = changes(search.options, fit.names)
-    chosen, kept = best_of_ties(search, fit, found, {}, Choices())
+    found = search.options.changes(fit.names)
+    chosen, kept = best_of_ties(search, fit, found, {})
     assert 'bladder_polynomial' not in chosen.names
     assert {change.name for change in kept} <= set(chosen.names)
     squares = [squares_of_folds(search.fitter, search.fitter.without_discrepancy(each))
@@ -111,7 +107,7 @@ def test_the_set_to_predict_with_is_the_best_on_folds_of_those_as_probable(searc
     """Whatever was chosen: of sets within the odds of the best none does better on isobars."""
     fitter, choices = search.fitter, Choices()
     null = fitter.without_discrepancy(search.null)
-    found = predictive(search, search.null, null, choices)
+    found = predictive(search, search.null, null)
     near = [fit for fit in search.fits.values()
             if fit.posterior > search.best.posterior - np.log(choices.odds)]
     assert found.names in {fit.names for fit in near}
@@ -153,18 +149,17 @@ def test_of_what_is_as_probable_as_nothing_the_effect_that_explains_all_alone_is
     """A small friction: none has half of the posterior, and warming up leaves all of it."""
     data = sweeps(paper_muscle.with_effect('coulomb_friction', force=3.0), cycles=1)
     cells, choices = reduce(paper_muscle, data), Choices()
-    search = Search(Options.of(paper_muscle, cells, choices),
-                    Fitter(cells, Covariance(cells, choices.unexplained)))
+    search = Search(Options.of(paper_muscle, cells, choices))
     own = search.options.own
     worth = {own: 0.0, tuple(sorted((*own, 'temperature'))): -0.4,
              tuple(sorted((*own, 'coulomb_friction'))): -0.5}
     for names, log in worth.items():
         fit = search.fit(names)
         search.fits[names] = replace(fit, evidence=log - fit.log_prior)
-    fit, found = likelier_than_not(search, choices)
+    fit, found = likelier_than_not(search)
     assert [change.label for change in found] == ['coulomb_friction']
     del search.fits[fit.names]
-    assert likelier_than_not(search, choices) == (search.null, [])
+    assert likelier_than_not(search) == (search.null, [])
 
 
 @pytest.mark.parametrize(('rise', 'told'), [(0.0, 'coulomb_friction'), (2.0, 'stribeck_friction')])
@@ -183,12 +178,11 @@ def test_a_shape_is_told_for_what_the_data_say_of_its_parameters(paper_muscle, s
                      np.concatenate([data.trial, 10 + slow.trial]),
                      np.concatenate([data.time, 1e3 + slow.time]))
     cells, choices = reduce(paper_muscle, data), Choices()
-    search = Search(Options.of(paper_muscle, cells, choices),
-                    Fitter(cells, Covariance(cells, choices.unexplained)))
+    search = Search(Options.of(paper_muscle, cells, choices))
     plain, more = (search.fit(tuple(sorted((*search.options.own, name))))
                    for name in ('coulomb_friction', 'stribeck_friction'))
     assert rise or abs(plain.posterior - more.posterior) < np.log(choices.odds)
-    chosen, found = plainest(search, more, changes(search.options, more.names), choices)
+    chosen, found = plainest(search, more, search.options.changes(more.names))
     assert [change.new for change in found] == [told]
     assert told in chosen.names
-    assert plainest(search, plain, changes(search.options, plain.names), choices)[0] is plain
+    assert plainest(search, plain, search.options.changes(plain.names))[0] is plain

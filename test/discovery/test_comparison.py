@@ -11,10 +11,9 @@ from fam_bundle_ros import discovery
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import Choices, compare, figures
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.locate import locate
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.templates import _add_hum, describe
 from fam_bundle_ros.model import Bundle, MotorUnit
 
@@ -154,9 +153,8 @@ def test_a_held_muscle_is_told_of_in_filling_and_venting(paper_muscle):
     assert all(row['label'].endswith('kPa/s') for row in compared.tables['rate'])
     assert 'with the sign of the pressure change' in compared.located[0].where
     cells = reduce(paper_muscle, data)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
-    options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
-    fit = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    search = Search(Options(paper_muscle, cells, Choices()))
+    fitter, fit = search.fitter, search.fit(search.options.own)
     shape = describe(cells, fitter.without_discrepancy(fit))[0]
     assert shape.words == 'lower while filling than while venting, constant'
     assert shape.coefficient == pytest.approx(4.0, abs=0.3)

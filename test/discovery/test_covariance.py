@@ -114,7 +114,7 @@ def test_the_covariance_is_the_sum_of_its_parts_by_their_definitions(problem):
         expected = (np.diag(cells.variance + white) + slow * fading
                     + smooth * (even + odd * np.outer(cells.direction, cells.direction)))
         np.testing.assert_allclose(covariance.matrix(h), expected, rtol=1e-9, atol=1e-12)
-    assert covariance.white_sd(FULL) == pytest.approx(np.sqrt(white))
+    assert covariance.variance(FULL.white) == pytest.approx(white)
     shares = AMPLITUDES[[9, 8, 6, 7]].sum()
     assert covariance.log_prior(FULL) - covariance.log_prior(Hyper()) == pytest.approx(
         -shares / 0.01)

@@ -54,7 +54,9 @@ def test_what_the_data_say_alone_gives_the_posterior_with_the_prior(fit):
     for each, prior, u, variance in zip(estimates(fit), fit.priors, fit.u,
                                         np.diag(fit.covariance)):
         size = unit_of(fit.model, each.key)[1]
-        centre, low, high = (prior.u(size * value) for value in each.data_alone)
+        centre, low, high = (
+            np.log(size * value / prior.value) / prior.width if prior.kind == 'log'
+            else (size * value - prior.value) / prior.width for value in each.data_alone)
         precision = (2.0 * 1.96 / (high - low)) ** 2
         if low > prior.limits[0]:
             assert 1.0 / variance == pytest.approx(1.0 + precision, rel=1e-3)

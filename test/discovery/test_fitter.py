@@ -32,7 +32,7 @@ def test_where_a_fit_ends_does_not_depend_on_where_it_begins(repository):
     model = load_model(folder / 'dmsp20_static_map.model.yaml')
     data = read_measurement(folder / 'dmsp20_static_map.csv')
     cells = reduce(model, data.select(abs(data.strain - 0.199) > 2e-3))
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options.of(model, cells, Choices())
     names = tuple(sorted([*options.own, 'bladder_elasticity', 'strain_sensor_offset',
                           'tendon_slack', 'tondu_factor']))
@@ -52,7 +52,7 @@ def test_a_set_gets_at_least_as_good_as_the_similar_set_it_starts_at(repository)
     folder = repository / 'config' / 'data'
     model = load_model(folder / 'dmsp20_static_map.model.yaml')
     cells = reduce(model, read_measurement(folder / 'dmsp20_static_map.csv'))
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options.of(model, cells, Choices())
     fewer, more = (fitter.fit(names, options.bundle(names), options.priors(names))
                    for names in (('mesh', 'saturating_sheath', 'tendon_slack'),
@@ -74,9 +74,8 @@ def test_friction_in_proportion_to_the_pressure_ties_with_damping_at_one_speed(p
     truth = paper_muscle.with_effect('coulomb_friction', force=0.0, per_pressure=2e-5)
     noise = np.random.default_rng(5).standard_normal(len(log))
     cells = reduce(paper_muscle, replace(log, force=predict(truth, log) + noise))
-    fitter = Fitter(cells, Covariance(cells, 0.01))
-    options = Options.of(paper_muscle, cells, Choices())
-    rubbed, damped = (Search(options, fitter).fit(tuple(sorted([*options.own, name])))
+    search = Search(Options.of(paper_muscle, cells, Choices()))
+    rubbed, damped = (search.fit(tuple(sorted([*search.options.own, name])))
                       for name in ('coulomb_friction', 'viscous_damping'))
     assert rubbed.posterior == pytest.approx(damped.posterior, abs=1.0)
 
@@ -90,7 +89,8 @@ def test_the_fit_is_the_least_squares_solution_with_priors_as_rows(problem, pape
     priors = options.priors(names)
     h = Hyper(white=6)
     start = np.array([p.start for p in priors])
-    u, residual, slopes = fitter.most_probable(model, priors, start, fitter.whitener(h), 40, 1e-9)
+    at = start, *fitter.linearised(model, priors, start)
+    u, residual, slopes = fitter.most_probable(model, priors, at, fitter.whitener(h), 40, 1e-9)
     limits = np.array([p.limits for p in priors]).T
 
     def rows(x):

@@ -11,9 +11,7 @@ import pytest
 
 from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery import rivals
-from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.fitter import Fitter
+from fam_bundle_ros.discovery.cells import Cells, reduce
 from fam_bundle_ros.discovery.held_out import (
     beyond_cells,
     folds,
@@ -23,6 +21,7 @@ from fam_bundle_ros.discovery.held_out import (
     squares_of_folds,
 )
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 
 HELD = HeldOut(3.0, 4.0, {'mean': 12.0}, {'trial': (3.0, 4.0), 'strain': (5.0, 2.0)}, blind=6.0)
@@ -50,6 +49,7 @@ def test_errors_of_rows_are_those_of_cells_and_what_rows_are_off_besides():
     assert rows.discrepancy == pytest.approx(np.hypot(4.0, 4.0))
     assert rows.kinds == HELD.kinds
     cells = SimpleNamespace(count=np.array([1.0, 3.0]))
+    cells.mean_square = lambda residual: Cells.mean_square(cells, residual)
     fit = SimpleNamespace(residual=np.array([4.0, -2.0]))
     assert beyond_cells(cells, fit, 5.0) == pytest.approx(np.sqrt(25.0 - 28.0 / 4.0))
     assert beyond_cells(cells, fit, 1.0) == 0.0
@@ -59,9 +59,8 @@ def test_errors_of_rows_are_those_of_cells_and_what_rows_are_off_besides():
 def fitted(make_sweeps, paper_muscle):
     """Return a fitter on few cells, and the fit of the model without a discrepancy."""
     cells = reduce(paper_muscle, make_sweeps(cycles=1), most=60)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
-    options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
-    joint = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    search = Search(Options(paper_muscle, cells, Choices()))
+    fitter, joint = search.fitter, search.fit(search.options.own)
     return fitter, fitter.without_discrepancy(joint)
 
 

@@ -61,7 +61,7 @@ def test_a_fit_ends_where_no_other_length_is_better(sweeps, paper_muscle):
     """A wave over strain and pressure that no parameter of the muscle takes."""
     data = sweeps(noise=0.2, extra=lambda e, p, way, t: 10 * np.sin(25 * e + p / 1.4e5))
     cells = reduce(paper_muscle, data, most=120)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     fit = fitter.fit(('mesh', 'bladder_elasticity'), paper_muscle, own_priors(paper_muscle))
 
     def evidence(hyper):

@@ -37,9 +37,8 @@ class Told(Search):
 
 def searched(model, gains):
     """Return the search of a recording that can show the effects of these gains."""
-    effects = {effect.name: effect for effect in model.effects}
-    effects |= {name: catalogue.get(name)() for name in gains}
-    search = Told(Options(model, None, Choices(), effects), None, gains=gains)
+    addable = tuple(catalogue.get(name)() for name in gains)
+    search = Told(Options(model, None, Choices(), addable), gains=gains)
     for names in search.options.further(search.options.own):
         for more in search.options.further(names):
             search.fit(more)

@@ -12,11 +12,11 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import rivals, templates
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance, Hyper
-from fam_bundle_ros.discovery.fitter import Fitter
+from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, splits, squares_of_folds
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, load_model, Motion, save_model
@@ -39,9 +39,8 @@ def surface(tmp_path):
 def fitted(model, data):
     """Return a fitter and the model's own effects fitted with and without a discrepancy."""
     cells = reduce(model, data)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
-    options = Options(model, cells, Choices(), {e.name: e for e in model.effects})
-    joint = fitter.fit(options.own, model, options.priors(options.own))
+    search = Search(Options(model, cells, Choices()))
+    fitter, joint = search.fitter, search.fit(search.options.own)
     return fitter, joint, fitter.without_discrepancy(joint)
 
 
@@ -236,7 +235,7 @@ def test_every_shape_that_has_a_formula_is_an_effect(sweeps, paper_muscle, tmp_p
     before = paper_muscle.predict(cells.motion)
     moving = np.abs(cells.motion.strain_rate) > 0.02
     for shape in shapes:
-        found = templates.Template(shape.words, 2.0, shape.unit, 0.5, 9.0, shape.families,
+        found = templates.Template(shape.words, 2.0, shape.unit, 0.5, 9.0, (),
                                    shape.expression, shape.kind, constants=shape.constants)
         save_model(paper_muscle.with_effect(found.effect('shape')), tmp_path / 'model.yaml')
         added = load_model(tmp_path / 'model.yaml').predict(cells.motion) - before

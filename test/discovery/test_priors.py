@@ -17,15 +17,13 @@ KINDS = [Prior('a.b', 0.5, 12.0, 2.0, 0.7, 'log'), Prior('a.b', -4.0, 9.0, 2.0, 
 
 @pytest.mark.parametrize('prior', KINDS, ids=lambda prior: prior.kind)
 def test_limits_are_the_coordinates_of_the_bounds(prior):
-    """Within them a value and its coordinate belong together; beyond, the bound is taken."""
+    """Beyond them the bound is taken; within, the slope is that of the value."""
     low, high = prior.limits
     assert prior.theta(low) == pytest.approx(prior.lower)
     assert prior.theta(high) == pytest.approx(prior.upper)
     assert prior.theta(low - 1.0) == prior.lower
     assert prior.theta(high + 1.0) == prior.upper
-    assert (prior.u(prior.lower - 9.0), prior.u(prior.upper + 9.0)) == (low, high)
     for u in np.linspace(low, high, 9)[1:-1]:
-        assert prior.u(prior.theta(u)) == pytest.approx(u)
         step = 1e-6
         assert prior.slope(u) == pytest.approx(
             (prior.theta(u + step) - prior.theta(u - step)) / (2.0 * step), rel=1e-5)

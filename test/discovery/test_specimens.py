@@ -18,7 +18,7 @@ from fam_bundle_ros.discovery import (
     Together,
     write_csv,
 )
-from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.specimen_table import unused_columns
 from fam_bundle_ros.discovery.specimens import Verdict
 from fam_bundle_ros.errors import InputError

@@ -23,7 +23,7 @@ def fitter(make_sweeps, paper_muscle):
     """Return cells of sweeps with an even and an odd error."""
     data = make_sweeps(extra=lambda e, p, way, t: 4.0 * np.sin(e / 0.05) - 2e-5 * p * way)
     cells = reduce(paper_muscle, data, most=80)
-    return Fitter(cells, Covariance(cells, 0.01))
+    return Fitter(Covariance(cells, 0.01))
 
 
 def smooth(cells, strain, pressure):

@@ -10,11 +10,10 @@ import pytest
 
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance
-from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices, SMALL
-from fam_bundle_ros.discovery.templates import _lagged, _signed, bank, describe
+from fam_bundle_ros.discovery.templates import _families, _lagged, _signed, bank, describe
 from fam_bundle_ros.model import Bundle, MotorUnit
 
 
@@ -215,9 +214,8 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
                                                         coefficient):
     """What a shape brings is the fall of chi2 beside the model's own parameters."""
     cells = reduce(paper_muscle, sweeps(extra=extra))
-    fitter = Fitter(cells, Covariance(cells, 0.01))
-    options = Options(paper_muscle, cells, Choices(), {e.name: e for e in paper_muscle.effects})
-    joint = fitter.fit(options.own, paper_muscle, options.priors(options.own))
+    search = Search(Options(paper_muscle, cells, Choices()))
+    fitter, joint = search.fitter, search.fit(search.options.own)
     fit = fitter.without_discrepancy(joint)
     found = describe(cells, fit, most=4)
     assert found[0].words.startswith(words)
@@ -231,7 +229,7 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
     shapes = bank(cells, fit.model)
     columns = {_signed(s.words, sign): s.columns for s in shapes for sign in (1.0, -1.0)}
     # a force with the motion is of no friction
-    losses = {s.words: s.families for s in shapes}
+    losses = {s.words: _families(s.kind) for s in shapes}
     assert all(shape.families == losses.get(shape.words, ()) for shape in found)
     _, before, *_ = np.linalg.lstsq(own, target)
     for shape in found:
@@ -247,6 +245,12 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
         absorbed = np.linalg.lstsq(own, both[:, len(fit.u):])[0]
         taken = (column - fit.slopes @ absorbed) @ weight
         assert shape.size_N == pytest.approx(np.sqrt(np.mean(taken ** 2)), rel=1e-5)
+
+
+def test_friction_that_grows_with_strain_is_friction_too():
+    """And what no law leaves has no family."""
+    assert 'dry_friction' in _families('friction') == _families('friction_strain')
+    assert _families('one_trial') == ()
 
 
 @pytest.mark.parametrize(('words', 'turned'), [

@@ -16,8 +16,8 @@ from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import folds, HeldOut
-from fam_bundle_ros.discovery.options import Options
-from fam_bundle_ros.discovery.posterior import Change, changes, named, Posterior
+from fam_bundle_ros.discovery.options import Change, Options
+from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices, LEAST_LOSS
 from fam_bundle_ros.discovery.verdict import (
@@ -39,7 +39,7 @@ GOOD = HeldOut(1.0, 1.0, {'mean': 9.0, 'plane': 5.0, 'empirical': 2.0}, {})
 def search(make_sweeps, paper_muscle):
     """Return a search in which sets have the log posteriors that a test writes down."""
     cells = reduce(paper_muscle, make_sweeps(), most=60)
-    fitter = Fitter(cells, Covariance(cells, 0.01))
+    fitter = Fitter(Covariance(cells, 0.01))
     options = Options.of(paper_muscle, cells, Choices())
     one = fitter.fit(options.own, paper_muscle, options.priors(options.own))
 
@@ -121,7 +121,7 @@ def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
     monkeypatch.setattr(choice, 'squares_of_folds', lambda fitter, fit: np.array(
         [9.0, 9.1] if len(fit.names) < 4 else [1.0, 1.1]))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
-    best, _ = choice.best_of_ties(made, chosen, found, worth, Choices())
+    best, _ = choice.best_of_ties(made, chosen, found, worth)
     assert best.names == chosen.names
 
 
@@ -148,8 +148,8 @@ def test_down_to_the_noise_the_plainest_of_equally_probable_shapes_is_told(
             ('held_out_physics', lambda fitter, fit: 1.0 + worse * (
                 'coulomb_friction' in fit.names))):
         monkeypatch.setattr(choice, name, value)
-    found = changes(made.options, made.best.names)[::-1]  # not in the order of the alphabet
-    chosen, kept = choice.best_of_ties(made, made.best, found, {}, Choices())
+    found = made.options.changes(made.best.names)[::-1]  # not in the order of the alphabet
+    chosen, kept = choice.best_of_ties(made, made.best, found, {})
     assert [change.new for change in kept] == [told, 'end_caps']
     assert told in chosen.names
 
@@ -162,14 +162,14 @@ def test_a_shape_with_more_parameters_is_not_plainer(search, monkeypatch):
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     monkeypatch.setattr(choice, '_dead', lambda fit, found: int('coulomb_friction' in fit.names))
     monkeypatch.setattr(choice, 'held_out_physics', lambda fitter, fit: 1.0)
-    found = changes(made.options, made.best.names)
-    assert choice.plainest(made, made.best, found, Choices()) == (made.best, found)
+    found = made.options.changes(made.best.names)
+    assert choice.plainest(made, made.best, found) == (made.best, found)
 
 
 def trades(made, odds):
     """Return the trades of the best set in words, and what is tied one for one."""
     posterior = Posterior.of(made)
-    tied = posterior.ties(changes(made.options, made.best.names), made.best, odds)
+    tied = posterior.ties(made.options.changes(made.best.names), made.best, odds)
     return [str(trade) for trade in posterior.trades(made.best, odds, tied)], tied
 
 
@@ -246,9 +246,8 @@ def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, mo
     """A smooth discrepancy that is nearly as probable is a reason for doubt, not for silence."""
     made = search(nothing=0.0, coulomb_friction=1.5, coulomb_friction__end_caps=0.5,
                   end_caps=-2.0)
-    monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
-    monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
-    assert [str(change) for change in choice.likelier_than_not(made, Choices())[1]] == names
+    monkeypatch.setattr(choice, 'leaves_structure', lambda *given: structured)
+    assert [str(change) for change in choice.likelier_than_not(made)[1]] == names
 
 
 @pytest.mark.parametrize(('structured', 'kept'), [(True, []), (False, ['coulomb_friction'])])
@@ -258,21 +257,20 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
     made = search(nothing=0.0, coulomb_friction=30.0)
     better = replace(made.best, residual=made.best.residual + 1.0)
     off = {made.null.names: [9.0, 4.0], better.names: [8.0, 4.1]}
-    monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
-    monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
+    monkeypatch.setattr(choice, 'leaves_structure', lambda *given: structured)
     monkeypatch.setattr(choice, 'held_out', lambda fitter, physics, joint: replace(
         GOOD, physics=sum(off[physics.names]), squares=np.array(off[physics.names])))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
     found = [Change('', 'coulomb_friction')]
     assert [str(change) for change in choice.drop_unpredictive(
-        made, better, found, better, 0.1)[1]] == kept
+        made, better, found, better)[1]] == kept
     off[made.null.names] = [12.0, 8.0]
-    assert choice.drop_unpredictive(made, better, found, better, 0.1)[1] == found
+    assert choice.drop_unpredictive(made, better, found, better)[1] == found
     off[made.null.names] = [8.0, 4.0]  # as well without it: no name, the last one neither
-    assert choice.drop_unpredictive(made, better, found, better, 0.1)[1] == []
+    assert choice.drop_unpredictive(made, better, found, better)[1] == []
     sure = replace(better, white_evidence=made.null.white_posterior + 9.0)
     assert [str(change) for change in choice.drop_unpredictive(
-        made, sure, found, sure, 0.1)[1]] == kept
+        made, sure, found, sure)[1]] == kept
     # the discrepancy made the evidence: alone the effect changes the force by too little to see
     off[made.null.names] = [12.0, 8.0]
     for sd, seen in ((0.1, False), (1.0, True)):
@@ -281,7 +279,7 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
             small = replace(made.best, residual=made.null.residual + step)
             small = replace(small, white_evidence=small.white_evidence + gain
                             + made.null.white_posterior - small.white_posterior)
-            assert choice.drop_unpredictive(made, small, found, small, 0.1)[1] == found * stays
+            assert choice.drop_unpredictive(made, small, found, small)[1] == found * stays
 
 
 @pytest.mark.parametrize(('structured', 'angle', 'alone', 'kept'), [
@@ -294,15 +292,14 @@ def test_beside_a_bent_law_others_are_named(search, monkeypatch, structured, ang
     fit = replace(made.best, u=np.array([4.0, angle]), priors=(
         Prior('end_caps.dead_length', 1e-3, 1e3, 1.0, 1.2, 'log'),
         Prior('geometry.braid_angle', 0.1, 1.0, 0.5, 0.02, 'normal')))
-    monkeypatch.setattr(choice, 'evidence_of_structure', lambda fitter, fit: 0.0)
     monkeypatch.setattr(choice, '_is_seen', lambda *given: True)
-    monkeypatch.setattr(choice, 'is_structured', lambda *given: structured)
+    monkeypatch.setattr(choice, 'leaves_structure', lambda *given: structured)
     monkeypatch.setattr(choice, 'held_out', lambda fitter, _, other: replace(
         GOOD, physics=1.0 if other is fit else 9.0, squares=np.full(
             2, 1.0 if other is fit else 9.0 if other is not made.null else 30.0)))
     monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda other: other)
-    found = changes(made.options, made.best.names)[::-1]  # the bent one is worth more
-    named_ = choice.drop_unpredictive(made, fit, found, fit, 0.1)[1]
+    found = made.options.changes(made.best.names)[::-1]  # the bent one is worth more
+    named_ = choice.drop_unpredictive(made, fit, found, fit)[1]
     assert [str(change) for change in named_] == (kept or [str(change) for change in found])
 
 
@@ -323,7 +320,8 @@ def test_evidence_for_what_predicts_nothing_is_no_clean_bill(search, likely, ope
     """The effects are not named, nor is it said that none is missing."""
     made = search(nothing=0.0)
     null = replace(made.null, hyper=Hyper(white=1), residual=0.0 * made.null.residual)
-    finding = judge(made.fitter, null, null, null, null, [], GOOD, [], 0.1, likely)
+    made.null = null
+    finding = judge(made, null, null, null, [], GOOD, [], likely)
     assert (finding.verdict == 'unexplained') == open_
 
 
@@ -340,7 +338,8 @@ def test_a_shape_within_the_noise_of_a_row_is_told_and_no_more(search, monkeypat
                         lambda *given: verdicts.Left(size, 0.0, size))
     monkeypatch.setattr(verdicts, '_needs_recalibration', lambda *given: False)
     null = replace(made.null, hyper=Hyper(white=1), residual=0.0 * made.null.residual)
-    finding = judge(made.fitter, null, null, null, null, [], GOOD, [], 0.1, False)
+    made.null = null
+    finding = judge(made, null, null, null, [], GOOD, [], False)
     assert (finding.verdict, finding.faint) == (verdict, size if faint else 0.0)
 
 
@@ -352,9 +351,11 @@ def test_a_bent_law_is_an_answer_only_down_to_the_noise(search, monkeypatch, str
     fit = replace(made.null, hyper=Hyper(white=1), residual=0.0 * made.null.residual,
                   priors=(prior,), u=np.array([4.0]), slopes=made.null.slopes[:, :1])
     base = replace(made.null, residual=20.0 * np.sin(30.0 * made.fitter.cells.strain))
-    monkeypatch.setattr(verdicts, 'is_structured', lambda *given: structured)
-    finding = judge(made.fitter, base, base, fit, fit, [Change('', 'bladder_polynomial')], GOOD,
-                    [Artefact('the load cell drifts', 'vent and tare it')], 0.1, likely=True)
+    monkeypatch.setattr(verdicts, 'is_needed', lambda *given: structured)
+    monkeypatch.setattr(verdicts, '_is_visible', lambda *given: structured)
+    made.null = base
+    finding = judge(made, base, fit, fit, [Change('', 'bladder_polynomial')], GOOD,
+                    [Artefact('the load cell drifts', 'vent and tare it')], likely=True)
     assert finding.verdict == verdict
     assert any('widths of its prior' in words for words in finding.refusals) == structured
 
@@ -365,8 +366,7 @@ def test_a_bent_law_is_an_answer_only_down_to_the_noise(search, monkeypatch, str
     ('partial', {'refusals': ('a plane is as good',)}, True, 0.5)])
 def test_no_more_is_shown_than_the_doubts_allow(verdict, doubt, named, told):
     """An effect that the held-out folds refused is not shown as all but certain."""
-    left = verdicts.Left(1.0, 0.0)
-    finding = verdicts.Finding(verdict, left, left, 0.8, **doubt)
+    finding = verdicts.Finding(verdict, verdicts.Left(1.0, 0.0), **doubt)
     assert verdicts.shown_probability(finding, 0.99, named) == told
     assert verdicts.shown_probability(finding, 0.3, named) == 0.3
 

@@ -11,7 +11,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.protocol import Protocol, Sweep
 from fam_bundle_ros.discovery import words
 from fam_bundle_ros.discovery.experiment import Experiment
-from fam_bundle_ros.discovery.posterior import Change
+from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.verdict import Finding, Left
 from fam_bundle_ros.discovery.words import (
     ascends,
@@ -57,7 +57,7 @@ def test_a_trial_that_was_taken_out_breaks_no_order():
     (1.3, 0.4, 'down to 1.36 N')])
 def test_what_is_left_without_a_shape_is_not_called_noise(rough, noise, told):
     """Stick and slip, in cells or between them, though as good as none for a rig."""
-    finding = Finding('missing_effect', Left(3.1, 0.2), Left(0.0, rough), 0.8)
+    finding = Finding('missing_effect', Left(0.0, rough))
     friction = [Change('', 'coulomb_friction')]
     said = summarise(finding, friction, friction, (), (), None, (), {
         'recalibrated': 3.1, 'best': 1.36, 'used': 1.36, 'noise': noise})
@@ -74,8 +74,7 @@ def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatc
     monkeypatch.setattr(words, 'best_experiment', lambda *fits: (None, []))
     posterior = SimpleNamespace(of_label={'end_caps': 0.7, 'coulomb_friction': 1.0}.get)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
-    words.next_experiment(fitter, posterior, Finding('missing_effect', Left(3.1, 0.2),
-                                                     Left(0.0, 0.2), 0.8),
+    words.next_experiment(fitter, posterior, Finding('missing_effect', Left(0.0, 0.2)),
                           [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), (),
                           BASE)
     assert asked == ['end_caps']
@@ -93,8 +92,7 @@ def test_an_experiment_is_told_by_what_the_answer_has_not(monkeypatch, labels, o
     monkeypatch.setattr(words, 'best_experiment', lambda *fits: (best, [best]))
     posterior = SimpleNamespace(fits=(chosen, rival), of_label=lambda label: 0.9)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
-    told = next_experiment(fitter, posterior, Finding('missing_effect', Left(3.1, 0.2),
-                                                      Left(0.0, 0.2), 0.8),
+    told = next_experiment(fitter, posterior, Finding('missing_effect', Left(0.0, 0.2)),
                            [Change('', 'pressure_line_lag')], chosen, (), (), BASE)
     assert told.words == f'sweep: separates pressure_line_lag from {other} (by 20 noise sd)'
 
@@ -115,7 +113,7 @@ def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatc
 def test_what_is_down_to_the_noise_in_some_rows_only_says_so():
     """The table below shows 0.88 N over all rows, turning points among them."""
     error = {'recalibrated': 6.6, 'best': 0.88, 'used': 0.61, 'noise': 0.59}
-    finding = Finding('missing_effect', Left(6.6, 0.0), Left(0.0, 0.0), 0.99)
+    finding = Finding('missing_effect', Left(0.0, 0.0))
     told = summarise(finding, [DRY], [DRY], (), (), BASE, (), error)
     assert told == ('coulomb_friction explains the error down to the noise (0.61 N in the rows '
                     'that fits use)')
@@ -128,7 +126,7 @@ BASE = SimpleNamespace(u=np.array([0.1, -1.24, 4.0]), priors=[
 
 def said(verdict, answer=(), found=(), ties=(), trades=(), shapes=(), after=0.2, best=0.6, **more):
     """Return the sentence of a verdict; errors of 3.1 N before and 0.6 N after."""
-    return summarise(Finding(verdict, Left(3.1, 0.2), Left(after, 0.0), 0.8, **more), answer,
+    return summarise(Finding(verdict, Left(after, 0.0), **more), answer,
                      found, ties, trades, BASE, shapes,
                      {'recalibrated': 3.1, 'best': best, 'used': best, 'noise': 0.59})
 
@@ -170,14 +168,14 @@ def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
     assert said('unexplained', found=(DRY, CAPS), shapes=(shape,)) == (
         f'{start}a bump about strain 0.1 (nearest: coulomb_friction and end_caps, but 0.2 N of '
         'structure would be left)')
-    told = summarise(Finding('unexplained', Left(3.1, 0.2), Left(18.0, 0.0, 18.0, 7.0), 0.8), (),
+    told = summarise(Finding('unexplained', Left(18.0, 0.0, 18.0, 7.0)), (),
                      (DRY,), (), (), BASE, (), {})
     assert told.endswith('but 7 N of structure would be left)')  # a mean over rows, as errors
     assert said('unexplained', found=(DRY,), refusals=('it is bent', 'it is odd')).endswith(
         '(nearest: coulomb_friction, but it is bent; it is odd)')
     artefact = SimpleNamespace(words='trial 3 is off', remedy='tare before each trial')
     assert said('unexplained', artefacts=(artefact, artefact)) == 'trial 3 is off; trial 3 is off'
-    told = next_experiment(None, None, Finding('unexplained', Left(1, 1), Left(1, 1), 0.0,
+    told = next_experiment(None, None, Finding('unexplained', Left(1, 1),
                                                artefacts=(artefact,)), (), None, (), (), BASE)
     assert told == ('tare before each trial', None)
 
@@ -208,7 +206,7 @@ def test_where_nothing_is_missing_the_next_step_is_plain(verdict, rubber, words)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
     base = SimpleNamespace(u=np.array([-1.2, rubber]), priors=[
         SimpleNamespace(key=key) for key in ('geometry.radius', 'bladder_elasticity.c10')])
-    told = next_experiment(fitter, None, Finding(verdict, Left(0, 0), Left(0, 0), 1.0), (), None,
+    told = next_experiment(fitter, None, Finding(verdict, Left(0, 0)), (), None,
                            (), (), base)
     assert told.words.startswith(words)
     assert told.protocol is None

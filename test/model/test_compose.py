@@ -26,7 +26,7 @@ from fam_bundle_ros.model.laws.base import KINDS
 from fam_bundle_ros.model.laws.bladder import bladder_elasticity
 from fam_bundle_ros.model.laws.mesh import mesh
 
-from .conftest import PAPER, units
+from .conftest import effect_from, HEAD, PAPER, units
 
 FACTS = {'family': 'user', 'summary': 's', 'source': 's', 'signature': 's'}
 
@@ -216,16 +216,11 @@ def test_a_reading_that_is_not_a_number_gives_none():
 
 def test_memory_advances_where_a_value_is_infinite():
     """A formula that overflows in one tick does not hold the memory of other laws back."""
-    bundle = loads_model("""
-format: fam-bundle-model/1
-motor_units:
-  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
-effects:
+    bundle = loads_model(HEAD + """\
   - mesh
   - wall: {expression: "k * exp(1e4 * max(strain - 0.2, 0))", place: pressure,
            parameters: {k: 1 kPa}}
-  - pressure_line_lag
-""")
+  - pressure_line_lag""")
     m = bundle.model()
     assert np.isinf(m.force(0, 0.3, 0.0, [2e5], 0.0, 0.0, True, *m[3:]))
     assert m.after[0] == [2e5, 2e5]
@@ -233,13 +228,7 @@ effects:
 
 def test_a_parameter_may_have_the_name_of_what_a_law_knows():
     """`place` is where the law acts, the parameter of that name is among the values."""
-    effect = loads_model("""
-format: fam-bundle-model/1
-motor_units:
-  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
-effects:
-  - own: {expression: "place * strain", parameters: {place: 3 N}}
-""").effects[0]
+    effect = effect_from('own: {expression: "place * strain", parameters: {place: 3 N}}')
     assert effect.place is Place.FORCE
     assert effect.values['place'] == 3.0
 

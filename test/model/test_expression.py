@@ -19,13 +19,10 @@ from fam_bundle_ros.model.compose import composition
 from fam_bundle_ros.model.expression import expression_law, FUNCTIONS, VARIABLES
 from fam_bundle_ros.model.graph import Graph, Writer
 
-HEAD = """\
-format: fam-bundle-model/1
-motor_units:
-  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
-effects:
-  - mesh
-"""
+from .conftest import HEAD
+
+#: A model file with one effect, to which others are added.
+MESH = f'{HEAD}  - mesh\n'
 
 
 def newton(name):
@@ -35,7 +32,7 @@ def newton(name):
 
 def model(formula, parameters='k: 5 N', place='force'):
     """Return a model with a formula from the lines of a file."""
-    return loads_model(f'{HEAD}  - own: {{expression: "{formula}", place: {place}, '
+    return loads_model(f'{MESH}  - own: {{expression: "{formula}", place: {place}, '
                        f'parameters: {{{parameters}}}}}\n')
 
 
@@ -50,11 +47,11 @@ def test_a_parameter_may_not_have_the_name_of_something_known(name):
 def test_a_formula_of_the_force_acts_where_the_force_is_known():
     """Gearing that loses a tenth; as an elastic force, beside the others, there is none yet."""
     own = '  - own: {expression: "-k * force", parameters: {k: 0.1}'
-    whole, less = loads_model(HEAD), loads_model(f'{HEAD}{own}}}\n')
+    whole, less = loads_model(MESH), loads_model(f'{MESH}{own}}}\n')
     assert_allclose(less.force(0.05, [2e5]), 0.9 * whole.force(0.05, [2e5]))
     with pytest.raises(InputError, match="line 6: law own: argument 'force' is not known at "
                                          'place force, only at limit, loss'):
-        loads_model(f'{HEAD}{own}, place: force}}\n')
+        loads_model(f'{MESH}{own}, place: force}}\n')
 
 
 @pytest.mark.parametrize(('formula', 'told'), [
@@ -112,7 +109,7 @@ def test_no_name_of_the_file_reaches_generated_source():
     assert re.fullmatch(r'def formula\(strain, p0\):\n    return \(p0 \* strain\)\n', source)
     assert 'import' not in text
     assert 'exec_' not in text + source
-    loaded = loads_model(HEAD + "  - '" + evil.replace("'", "''") +
+    loaded = loads_model(MESH + "  - '" + evil.replace("'", "''") +
                          "': {expression: 'k * strain', parameters: {k: 5 N}}\n")
     plain = loaded.without_effect(evil)
     assert_allclose(loaded.force(0.1, [1e5]) - plain.force(0.1, [1e5]), 0.5)

@@ -7,20 +7,14 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import Bundle, catalogue, loads_model, Motion, Place
+from fam_bundle_ros.model import Bundle, catalogue, Motion, Place
 from fam_bundle_ros.model.laws.bladder import bladder_elasticity
 from fam_bundle_ros.model.laws.mesh import mesh
 
-from .conftest import PAPER, units
+from .conftest import effect_from, PAPER, units
 
-USERS = loads_model("""
-format: fam-bundle-model/1
-motor_units:
-  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
-effects:
-  - my_drag: {expression: "-k * strain_rate * pressure", place: loss,
-              parameters: {k: 0.02 N*s/kPa}}
-""").effects[0]
+USERS = effect_from('my_drag: {expression: "-k * strain_rate * pressure", place: loss, '
+                    'parameters: {k: 0.02 N*s/kPa}}')
 TABLE_FREE = [name for name, law in catalogue.available().items() if law.load is None]
 
 

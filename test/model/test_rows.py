@@ -13,32 +13,20 @@ import pytest
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.model import (
-    Bundle,
-    catalogue,
-    Geometry,
-    loads_model,
-    Motion,
-    MotorUnit,
-    rowlaw,
-    rows,
-)
+from fam_bundle_ros.model import Bundle, catalogue, Geometry, Motion, MotorUnit, rowlaw, rows
 from fam_bundle_ros.model.dual import Dual
 from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import affine
+
+from .conftest import effect_from
 
 LAWS = [name for name, each in catalogue.available().items()
         if each.load is None and each.place.value != 'pneumatics']
 DIMENSIONS = ['geometry.radius', 'geometry.length', 'geometry.braid_angle',
               'geometry.wall_thickness']
-FORMULA = loads_model("""
-format: fam-bundle-model/1
-motor_units:
-  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
-effects:
-  - wave: {expression: "k * sin(20 * strain) * sqrt(abs(pressure) / p0) + c * radius * length",
-           place: force, parameters: {k: 3 N, p0: 100 kPa, c: 7 kPa}}
-""").effects[0]
+FORMULA = effect_from(
+    'wave: {expression: "k * sin(20 * strain) * sqrt(abs(pressure) / p0) + c * radius * length", '
+    'place: force, parameters: {k: 3 N, p0: 100 kPa, c: 7 kPa}}')
 
 
 @pytest.fixture(params=['compiled', 'arrays'])

@@ -23,10 +23,10 @@ def test_affine_scan_is_the_loop_and_can_be_cut_anywhere(record, cut):
         value = a * value + b
         expected.append(value)
     start = np.array([0.3, -1.0])
-    whole = affine_scan(gain, offset, start)
+    whole = affine_scan(start, gain, offset)
     assert_allclose(whole, expected, atol=1e-12)
     if cut < len(gain):
-        rest = affine_scan(gain[cut:], offset[cut:], whole[cut - 1])
+        rest = affine_scan(whole[cut - 1], gain[cut:], offset[cut:])
         assert_allclose(rest, whole[cut:], atol=1e-12)
 
 
@@ -36,9 +36,9 @@ def test_a_reset_forgets_what_is_not_a_number():
     for reset in range(1, 40):
         gain = np.where(np.arange(40) == reset, 0.0, 0.5)
         offset = np.where(np.arange(40) == max(reset - 17, 0), np.nan, whole)
-        result = affine_scan(gain, offset, 0.0)
+        result = affine_scan(0.0, gain, offset)
         assert np.all(np.isnan(result[max(reset - 17, 0):reset]))
-        assert_allclose(result[reset:], affine_scan(gain[reset:], whole[reset:], np.nan))
+        assert_allclose(result[reset:], affine_scan(np.nan, gain[reset:], whole[reset:]))
         assert_allclose(result[reset:], 2.0 - 0.5 ** np.arange(40 - reset))
 
 
@@ -50,4 +50,4 @@ def test_clamp_scan_is_the_loop(record):
     for low, high in zip(lower, upper, strict=True):
         value = np.clip(value, low, high)
         expected.append(value)
-    assert np.array_equal(clamp_scan(lower, upper, np.zeros(2)), expected)
+    assert np.array_equal(clamp_scan(np.zeros(2), lower, upper), expected)

@@ -11,23 +11,18 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros import kernels
-from fam_bundle_ros.model import Bundle, catalogue, loads_model, Motion, Place
+from fam_bundle_ros.model import Bundle, catalogue, Motion, Place
 from fam_bundle_ros.model.laws.mesh import mesh
 from fam_bundle_ros.model.vocabulary import bound
 
-from .conftest import units
+from .conftest import effect_from, units
 
 LAWS = [name for name in catalogue.names() if catalogue.get(name).load is None]
-FORMULA = loads_model("""
-format: fam-bundle-model/1
-motor_units:
-  - geometry: {radius: 6.35 mm, length: 127 mm, braid_angle: 33 deg, wall_thickness: 1.59 mm}
-effects:
-  - words: {expression: "k * (abs(sin(strain)) + sqrt(max(strain, 0)) + exp(-stretch)
+FORMULA = effect_from("""
+    words: {expression: "k * (abs(sin(strain)) + sqrt(max(strain, 0)) + exp(-stretch)
             + log(stretch) + tanh(strain_rate / w) + min(sign(force) * cos(pi * strain), 1))
             + c * strain ** 2 * pressure * area", place: loss,
-            parameters: {k: 2 N, c: 0.3, w: 0.1 1/s}}
-""").effects[0]
+            parameters: {k: 2 N, c: 0.3, w: 0.1 1/s}}""")
 
 
 def everything():

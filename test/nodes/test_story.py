@@ -11,7 +11,7 @@ from fam_bundle_ros.discovery import (
     diagnose,
     read_measurement,
 )
-from fam_bundle_ros.discovery.cells import unknown_direction
+from fam_bundle_ros.discovery.log_rows import unknown_direction
 from fam_bundle_ros.model import load_model, save_model
 from fam_bundle_ros.nodes.session import run_trajectory
 from fam_bundle_ros.plant import Dynamometer

@@ -20,6 +20,7 @@ from typing import Any
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.effect import Effect
+from fam_bundle_ros.model.geometry import DERIVED, DIMENSIONS
 from fam_bundle_ros.units import express, si_factor
 
 
@@ -48,8 +49,7 @@ _KNOWN_AT = {'braid': (Place.FORCE, Place.LIMIT, Place.LOSS),
              'bladder': (Place.FORCE, Place.LIMIT, Place.LOSS),
              'force': (Place.LIMIT, Place.LOSS)}
 #: Geometry of the muscle: fields of `fam_bundle_ros.model.geometry.Geometry`.
-SHAPE = ('radius', 'length', 'braid_angle', 'wall_thickness', 'cos2', 'sin2', 'cot2', 'area',
-         'wall_area')
+SHAPE = (*DIMENSIONS, *DERIVED)
 #: For memory: first sample of a trial, first sample of the whole log, s since the last sample.
 STEPPING = ('start', 'log_start', 'dt')
 #: For a measured table: one array with all tables of the model, and the start of the law's own.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.model.laws.base import law, Parameter
-from fam_bundle_ros.model.vocabulary import affine, before, play
+from fam_bundle_ros.model.vocabulary import dahl, play
 
 _FRICTION: dict[str, Any] = {
     'family': 'dry_friction', 'off': {'force': 0.0, 'per_pressure': 0.0},
@@ -80,11 +80,7 @@ def presliding_dahl(pressure, strain, start, centre, built_up, force_0, per_pres
     The strain first passes a play of half width 0.02 %, so that sensor noise at rest does not
     change z. At the start of a trial z is zero.
     """
-    path = play(centre, strain, _NOISE, start)
-    moved = path - before(centre, path)
-    kept = np.where(start, 0.0, np.exp(-np.abs(moved) / width))
-    gained = np.where(start, 0.0, np.sign(moved) * (1.0 - kept))
-    slip = affine(built_up, kept, gained)
+    slip, path = dahl(centre, built_up, strain, _NOISE, width, start)
     return -_size(pressure, force_0, per_pressure) * slip, path, slip
 
 

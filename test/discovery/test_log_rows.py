@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery.outliers import spikes
+from fam_bundle_ros.discovery.log_rows import spikes
 
 NOISE = 0.5
 
