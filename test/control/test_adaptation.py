@@ -264,14 +264,15 @@ def test_one_sample_is_weighed_as_bayes_weighs_it(paper_bundle, forces, weight):
     assert lag_doubt(state) == pytest.approx(USUAL_LAG)
 
 
-def test_what_noise_takes_from_the_products_is_what_a_filter_makes_of_it(paper_bundle):
-    """White noise in a unit's force that pulls, in one that pushes, beside a lag."""
+@pytest.mark.parametrize('forces', [[30.0, -5.0], [0.4, -0.3]])
+def test_what_noise_takes_from_the_products_is_what_a_filter_makes_of_it(paper_bundle, forces):
+    """White noise in a unit that pulls and in one that pushes, strongly or weakly, beside a lag."""
     learner, draw = Learner(paper_bundle), np.random.default_rng(6)
     state, share = learner.state, 1.0 - np.exp(-DT / 0.02)
     state.error[:] = [0.1, -0.05, 0.3, 0.0, 0.012]
     noise = np.array([0.5, 0.2])
     state.change[:] = (noise * np.sqrt(6.0 * 2.0 / np.pi)).tolist()
-    state.slow[:] = [30.0, -5.0]
+    state.slow[:] = forces
     noise_bias(state, share, 0.0)
     force = draw.normal(size=(200_000, 2)) * noise
     slow = lfilter([share], [1.0, share - 1.0], force, axis=0)
