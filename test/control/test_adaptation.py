@@ -266,7 +266,7 @@ def test_one_sample_is_weighed_as_bayes_weighs_it(paper_bundle, forces, weight):
 
 @pytest.mark.parametrize('forces', [[30.0, -5.0], [0.4, -0.3]])
 def test_what_noise_takes_from_the_products_is_what_a_filter_makes_of_it(paper_bundle, forces):
-    """White noise in a unit that pulls and in one that pushes, strongly or weakly, beside a lag."""
+    """White noise in a unit that pulls and in one that pushes, be it weakly, beside a lag."""
     learner, draw = Learner(paper_bundle), np.random.default_rng(6)
     state, share = learner.state, 1.0 - np.exp(-DT / 0.02)
     state.error[:] = [0.1, -0.05, 0.3, 0.0, 0.012]
