@@ -122,6 +122,18 @@ def test_a_reference_that_is_met_late_is_asked_for_earlier(paper_bundle, rate):
     assert leads[round(0.1 / DT)] < 0.007
 
 
+def test_a_jump_of_the_reference_counts_as_far_as_an_error_at_rest_is_expected(paper_bundle):
+    """What 200 N teach to distrust is four times as much where twice the error is usual."""
+    missed = []
+    for rest_error in (1.5, 3.0):
+        learner = Learner(paper_bundle, rest_error=rest_error)
+        for _ in range(1000):
+            learn_lead(learner.settings, learner.state, 1.0, 200.0, 0.0, 0.02, DT)
+        missed.append(learner.state.missed)
+    assert missed[1] == pytest.approx(4.0 * missed[0])
+    assert missed[0] < 1.5 ** 2
+
+
 def test_an_hour_of_noise_without_excitation_moves_nothing(paper_bundle):
     """Constant pressures and half a newton of noise: less than 1 % in an hour."""
     learner, noise = Learner(paper_bundle), np.random.default_rng(3)
