@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands on measurements: what they find, and one line for what is wrong with a file."""
 
+from functools import partial
 import json
 import shlex
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fam_bundle_ros import discovery
 from fam_bundle_ros.cli.app import app
 from fam_bundle_ros.cli.common import candidate_table
 from fam_bundle_ros.discovery.result import Candidate
@@ -33,6 +35,13 @@ def test_compare_tells_how_large_the_error_is_and_where(fam_bundle, tmp_path):
     assert found['data_sha256'][:16] in page
 
 
+@pytest.fixture
+def alone(monkeypatch):
+    """Limit searches to one effect: what is found is the claim of test/discovery."""
+    monkeypatch.setattr(discovery, 'Choices', partial(discovery.Choices, most=1))
+
+
+@pytest.mark.usefixtures('alone')
 def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     """
     `diagnose` on loops of a muscle with hidden dry friction names it, in JSON too.
@@ -77,6 +86,7 @@ def test_diagnose_names_the_hidden_effect(fam_bundle, repository, tmp_path):
     assert (tmp_path / 'better_2.yaml').exists()
 
 
+@pytest.mark.usefixtures('alone')
 def test_what_stands_for_a_mistake_in_the_data_is_not_told_to_be_added(fam_bundle, tmp_path):
     """A force in lbf that is read as N: what to check stands first, the rest under a condition."""
     strain, pressure = np.tile(np.linspace(0.0, 0.2, 12), 4), np.repeat([1e5, 2e5, 3e5, 4e5], 12)

@@ -17,7 +17,7 @@ pytest.importorskip('rclpy')
 
 from fam_bundle_ros import discovery
 from fam_bundle_ros.cli.demo import stories
-from fam_bundle_ros.nodes import rig_check
+from fam_bundle_ros.nodes import rig_check, session
 
 LIFT = """
 format: fam-bundle-trajectory/1
@@ -137,6 +137,8 @@ def quicker(bundle):
 def test_demo_tells_the_whole_story(fam_bundle, domain_id, tmp_path, monkeypatch, diagnose_map):
     """`demo`: RS1 to RS2 to RS1 twice over ROS, the model's error by step, report/ whole."""
     monkeypatch.setattr('fam_bundle_ros.cli.demo.stories', quicker)
+    # half as many samples, half the work
+    monkeypatch.setattr(session, 'run_trajectory', partial(session.run_trajectory, rate=100.0))
     monkeypatch.setattr(discovery, 'diagnose', diagnose_map)
     result = fam_bundle('demo')
     assert result.returncode == 0, result.stderr

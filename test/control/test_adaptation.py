@@ -122,6 +122,18 @@ def test_a_reference_that_is_met_late_is_asked_for_earlier(paper_bundle, rate):
     assert leads[round(0.1 / DT)] < 0.007
 
 
+def test_a_jump_of_the_reference_counts_as_far_as_an_error_at_rest_is_expected(paper_bundle):
+    """What 200 N teach to distrust is four times as much where twice the error is usual."""
+    missed = []
+    for rest_error in (1.5, 3.0):
+        learner = Learner(paper_bundle, rest_error=rest_error)
+        for _ in range(1000):
+            learn_lead(learner.settings, learner.state, 1.0, 200.0, 0.0, 0.02, DT)
+        missed.append(learner.state.missed)
+    assert missed[1] == pytest.approx(4.0 * missed[0])
+    assert missed[0] < 1.5 ** 2
+
+
 def test_an_hour_of_noise_without_excitation_moves_nothing(paper_bundle):
     """Constant pressures and half a newton of noise: less than 1 % in an hour."""
     learner, noise = Learner(paper_bundle), np.random.default_rng(3)
@@ -264,14 +276,15 @@ def test_one_sample_is_weighed_as_bayes_weighs_it(paper_bundle, forces, weight):
     assert lag_doubt(state) == pytest.approx(USUAL_LAG)
 
 
-def test_what_noise_takes_from_the_products_is_what_a_filter_makes_of_it(paper_bundle):
-    """White noise in a unit's force that pulls, in one that pushes, beside a lag."""
+@pytest.mark.parametrize('forces', [[30.0, -5.0], [0.4, -0.3]])
+def test_what_noise_takes_from_the_products_is_what_a_filter_makes_of_it(paper_bundle, forces):
+    """White noise in a unit that pulls and in one that pushes, be it weakly, beside a lag."""
     learner, draw = Learner(paper_bundle), np.random.default_rng(6)
     state, share = learner.state, 1.0 - np.exp(-DT / 0.02)
     state.error[:] = [0.1, -0.05, 0.3, 0.0, 0.012]
     noise = np.array([0.5, 0.2])
     state.change[:] = (noise * np.sqrt(6.0 * 2.0 / np.pi)).tolist()
-    state.slow[:] = [30.0, -5.0]
+    state.slow[:] = forces
     noise_bias(state, share, 0.0)
     force = draw.normal(size=(200_000, 2)) * noise
     slow = lfilter([share], [1.0, share - 1.0], force, axis=0)

@@ -73,6 +73,17 @@ def test_an_inertia_that_nothing_shows_stays_the_usual_one():
     assert state.inertia == pytest.approx(USUAL)
 
 
+def test_an_inertia_is_relied_on_but_for_its_doubt_which_goes_with_its_root():
+    """It may change by a share of itself from place to place, beside what else moves forces."""
+    strain, _, bend = moved(20.0)
+    doubt = []
+    for inertia in (1.25, 20.0):
+        state = learnt(strain, 20.0 + inertia * bend)
+        assert state.value[2] == pytest.approx(inertia, rel=0.05)
+        doubt.append(state.value[2] - state.inertia)
+    assert doubt[1] / doubt[0] == pytest.approx(4.0, rel=0.15)
+
+
 def test_at_rest_nothing_is_learnt_and_nothing_forgotten():
     """Ten minutes of noise later the load is as it was; a force that changes is the offset's."""
     strain, rate, bend = moved(8.0)

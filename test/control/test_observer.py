@@ -195,6 +195,19 @@ def test_a_first_order_lag_leaves_its_share_of_white_noise():
     assert quick_noise(state, LAG, DT) == pytest.approx(NOISE * np.std(values), rel=0.1)
 
 
+def test_an_error_counts_as_far_as_its_power_is_beyond_the_noise_of_the_quick_observer():
+    """One that moves by some of the noise, at a moment at which it is not at its largest."""
+    state, draw, seen = ObserverState(), random.Random(7), []
+    for k in range(round(6.0 / DT)):
+        observe(state, 2.0 * math.sin(12.0 * k * DT) + draw.gauss(0.0, NOISE), 0.0, 0.0, 1.0, LAG,
+                DT)
+        if k * DT > 3.0 and abs(quick_of(state) - state.steady) < 0.1:
+            seen.append(state.weight)
+            assert state.weight == pytest.approx(beyond_noise(
+                state.power, quick_noise(state, LAG, DT) ** 2))
+    assert 0.1 < min(seen) < max(seen) < 0.9
+
+
 def test_power_counts_as_far_as_it_is_four_times_that_of_noise():
     """Noise alone is nothing; what is far beyond is nearly all of it."""
     assert beyond_noise(0.0, 0.0) == beyond_noise(4.0, 1.0) == beyond_noise(1.0, 2.0) == 0.0

@@ -152,6 +152,20 @@ def test_a_motion_is_over_when_its_rate_is_within_its_own_noise_of_rest(window):
             assert state.direction == direction
 
 
+@pytest.mark.parametrize(('way', 'rest', 'moves'), [
+    (-1, 0.03, True), (-1, 0.06, False), (1, 0.03, False)])
+def test_a_motion_back_needs_less_evidence_for_40_ms(way, rest, moves):
+    """8 sd of the shortest window, soon after a motion ended: it turned. Later it may rest."""
+    state, doubt = RateState(direction=1, window=0.01), NOISE * rate_doubt(0.01, DT)
+    find_direction(state, NOISE, NOISE, DT)
+    assert state.direction == 0
+    for _ in range(round(rest / DT)):
+        find_direction(state, NOISE, NOISE, DT)
+    state.rate, state.quick = 8.0 * way * doubt, 8.0 * way * doubt
+    find_direction(state, NOISE, NOISE, DT)
+    assert state.direction == (way if moves else 0)
+
+
 def test_a_window_keeps_the_noise_that_it_says():
     """The rate's spread at rest is that of the formula, for the longest window."""
     random, state, rates = np.random.default_rng(3), RateState(), []

@@ -500,6 +500,18 @@ def test_where_the_force_rises_with_the_strain_pressures_are_for_the_strain_that
             assert back * away < 0.0
 
 
+@pytest.mark.parametrize('asked', [40.0, 150.0])
+def test_a_force_that_cannot_be_reached_is_no_error_of_the_model(paper_bundle, asked):
+    """A rig as the model, all units at their limit: nothing is missing that pressures owe."""
+    controller, pressure = RecruitmentController(paper_bundle), np.zeros(2)
+    for _ in range(500):
+        force = float(paper_bundle.force(0.12, pressure))
+        pressure = controller.update(DT, Measurement(force, 0.12, 0.0, pressure),
+                                     Reference('force', asked)).pressure
+    assert (max(pressure) > 340e3) == (asked > 100.0)
+    assert abs(controller.memory.outer.observer.bias) < 0.5
+
+
 def test_settings_references_and_commands_cannot_be_changed(not_frozen):
     """What kernels work on is a state, settings or a record, or one of these."""
     assert {name for name in not_frozen(control)

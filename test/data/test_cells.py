@@ -17,6 +17,7 @@ from fam_bundle_ros.data.cells import (
     numbers,
     seconds,
 )
+from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.errors import InputError
@@ -50,6 +51,13 @@ def test_dates_and_times_of_day_are_seconds_also_over_midnight(cells):
     assert found - found[0] == pytest.approx(AFTER)
     if len(cells[0]) < 16:
         assert found[0] == pytest.approx(86390.0)
+
+
+def test_a_clock_that_is_put_back_at_the_end_of_summer_time_runs_on():
+    """From 2:59:59 at two hours before UTC to 2:00:00 at one hour it is a second."""
+    found = read(['2026-10-25T02:59:59+02:00', '2026-10-25T02:00:00+01:00',
+                  '2026-10-25T02:00:01+01:00'])
+    assert found - found[0] == pytest.approx([0.0, 1.0, 2.0])
 
 
 @pytest.mark.parametrize(('cell', 'value'), [
@@ -121,6 +129,12 @@ def test_nines_that_stand_apart_are_no_reading(values, code):
     A positive number in half of the rows is a level.
     """
     assert no_reading(np.array(values)) == code
+
+
+def test_rows_with_a_name_beside_each_value_are_called_as_the_lines_of_the_file():
+    """A message about one leads to it in an editor, which counts from 1."""
+    lines = ['boot ok', *(f'p:{k}.5bar F:{k}' for k in range(3)), 'reset', 'p:9.5bar F:9']
+    assert labelled('log', lines).rows.tolist() == [2, 3, 4, 6]
 
 
 def test_a_blank_label_is_of_the_trial_above_it():

@@ -484,7 +484,7 @@ def points(**columns):
     found = {'strain': e, 'force [N]': 0.1 * p * (1.0 - 3.0 * e)}
     more = {'p': p, 'back': p[::-1], 'blank': np.full(40, np.nan), 'same': np.full(40, 7.0),
             'rows': np.arange(40.0), 'words': np.array(['on'] * 40, object),
-            'runs': np.repeat([1.0, 2.0], 20)}
+            'runs': np.repeat([1.0, 2.0], 20), 'pairs': np.repeat(np.arange(20.0), 2)}
     return {**found, **{name: more[kind] for name, kind in columns.items()}}
 
 
@@ -501,7 +501,8 @@ def test_a_pressure_beside_those_of_motor_units_is_one_too_many(other):
 
 @pytest.mark.parametrize(('name', 'kind', 'why'), [
     ('trial', 'rows', '40 different values in 40 rows: no trials'), ('trial', 'runs', ''),
-    ('trial', 'same', ''), ('time [s]', 'blank', 'blank'), ('state', 'words', 'text'),
+    ('trial', 'pairs', ''), ('trial', 'same', ''), ('time [s]', 'blank', 'blank'),
+    ('state', 'words', 'text'),
     ('contraction [mm]', 'same', 'strain is there'), ('mood', 'same', 'not known')])
 def test_a_column_that_is_not_taken_says_why(name, kind, why):
     """What is blank, is text, counts rows, or has another in its place."""

@@ -53,6 +53,13 @@ def test_data_begin_below_the_head_whatever_it_says(head, gaps):
     assert find_data(grid) == (len(HEADS[head]), 4)
 
 
+@pytest.mark.parametrize('first', [['0.01', '2'], ['0.01', '2', '3', '4']])
+def test_what_stands_at_the_end_of_a_file_does_not_tell_what_its_first_row_is(first):
+    """'end:' below the last row closes no setting above the first."""
+    grid = [first, ['data:'], *data()]
+    assert find_data([*grid, ['end:']]) == find_data(grid)
+
+
 @pytest.mark.parametrize(('head', 'row', 'width'), [
     ([NAMES], ['9', '9', '9', '9', '9'], 4), ([[*NAMES, 'note']], ['9', '9', '9', '9', '9'], 5),
     ([NAMES], ['9', '9', '9'], 4)])

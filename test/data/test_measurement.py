@@ -206,11 +206,14 @@ def test_the_layout_of_an_array_in_a_bag_is_no_reading(tmp_path):
     layout, array = (store.types[f'std_msgs/msg/{name}'] for name in (
         'MultiArrayLayout', 'Float64MultiArray'))
     with rosbags.Writer(tmp_path / 'run', version=9) as writer:
-        topic = writer.add_connection('/p', array.__msgtype__, typestore=store)
-        for k in range(3):
-            writer.write(topic, 10**9 + k, store.serialize_cdr(
-                array(layout([], 7), np.array([1.0, 2.0])), array.__msgtype__))
-    assert list(bag_table(tmp_path / 'run').columns) == ['time', '/p/0', '/p/1']
+        for name, size in (('/p', 2), ('/amplifier', 16), ('/image', 17)):
+            topic = writer.add_connection(name, array.__msgtype__, typestore=store)
+            for k in range(3):
+                writer.write(topic, 10**9 + k, store.serialize_cdr(
+                    array(layout([], 7), np.arange(float(size))), array.__msgtype__))
+    # sixteen channels may be those of an amplifier, more are a picture
+    assert set(bag_table(tmp_path / 'run').columns) == {
+        'time', '/p/0', '/p/1', *(f'/amplifier/{k}' for k in range(16))}
 
 
 def test_a_bag_of_other_topics_is_read_as_a_table(tmp_path):

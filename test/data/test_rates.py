@@ -203,6 +203,15 @@ def test_a_clean_enough_rate_is_not_smoothed_further(rng):
     assert_allclose(found.rate, 1.0, atol=1e-3)
 
 
+def test_between_jumps_of_a_reading_its_slope_is_that_of_the_rest(rng):
+    """A gauge that slips every 40 rows by fifty times what it moves in one."""
+    rows = np.arange(400)
+    value = 0.2 * rows + 10.0 * (rows // 40) + 1e-3 * rng.normal(size=400)
+    found = slope(rows.astype(float), value, np.zeros(400, int))
+    between = np.abs(rows % 40 - 20) < 15
+    assert_allclose(found.rate[between], 0.2, atol=0.01)
+
+
 @pytest.mark.parametrize('late', [-0.4, -0.2, 0.2, 0.4])
 def test_a_corner_between_two_samples_is_found_where_it_is(rng, late):
     """The sample next to it has the slope of the leg that it is on; all others theirs."""

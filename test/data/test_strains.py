@@ -150,6 +150,16 @@ def test_percents_that_never_reach_one_are_asked_about(log, most, said):
     assert any('is it a ratio' in note for note in data.notes) == said
 
 
+@pytest.mark.parametrize(('header', 'factor'), [('contraction [mm]', 250.0),
+                                                ('contraction strain', 1.0)])
+def test_only_percents_are_asked_whether_they_are_ratios(log, header, factor):
+    """A small contraction in mm, or without a unit, may be small."""
+    strain = 0.004 * log[1] / log[1].max() / (250.0 if factor > 1.0 else 1.0)
+    data = read_measurement(table(log, strain=(header, factor * strain)), rest_length='250 mm')
+    assert np.allclose(data.strain, strain)
+    assert not any('is it a ratio' in note for note in data.notes)
+
+
 @pytest.mark.parametrize(('header', 'values', 'told', 'strain'), [
     ('position [mm]', lambda e: 30 - 100 * e, 'elongation=position [mm] - 30 mm',
      lambda e: 0.4 * e),

@@ -27,10 +27,12 @@ def told(sweeps, muscle):
 
 @pytest.mark.parametrize(('unit', 'taken'), [('lbf', 'N'), ('N', 'lbf'), ('kgf', 'N'),
                                              ('N', 'kgf')])
-def test_a_force_in_another_unit_is_told(told, unit, taken):
+def test_a_force_in_another_unit_is_told(told, sweeps, unit, taken):
     """Of numbers in one unit that were read as another; what would be left is 0.6 N of noise."""
+    share = 60.0 / np.sqrt(np.mean(sweeps().force ** 2))
     words, = told(force=si_factor(taken, 'N') / si_factor(unit, 'N'))
     assert words.startswith(f'with a force in {unit}, not in {taken} the model would be off by ')
+    assert float(words.partition('(')[2].split()[0]) == pytest.approx(share, abs=0.6)
     assert float(words.partition('off by ')[2].split()[0]) == pytest.approx(0.6, rel=0.1)
 
 

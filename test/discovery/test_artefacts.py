@@ -16,6 +16,9 @@ from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 
+#: An artefact is told whatever else is tried.
+ALONE = Choices(most=1)
+
 
 def swing(size, period=2.2):
     """Return a force of the rig that swings by ``size`` N, by default every 2.2 s."""
@@ -50,7 +53,7 @@ def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
 
 def test_vibration_of_the_rig_is_no_noise_and_no_effect(make_sweeps, paper_muscle):
     """Three times the noise, but less than a hundredth of the largest force."""
-    found = diagnose(paper_muscle, make_sweeps(extra=swing(2.5)))
+    found = diagnose(paper_muscle, make_sweeps(extra=swing(2.5)), choices=ALONE)
     assert found.verdict == 'unexplained'
     assert not found.effects
     assert found.summary.startswith('the force swings by 2.5 N with a period of 2.2 s')
@@ -61,7 +64,7 @@ def test_vibration_beside_an_effect_is_a_caution(make_sweeps, paper_muscle):
     """The effect is named, and the answer is partial."""
     def extra(strain, pressure, way, time):
         return swing(2.5)(strain, pressure, way, time) - 9.0 * way
-    found = diagnose(paper_muscle, make_sweeps(extra=extra))
+    found = diagnose(paper_muscle, make_sweeps(extra=extra), choices=ALONE)
     assert found.verdict == 'partial'
     assert found.effects == ('coulomb_friction',)
     assert any('with a period of 2.2 s' in words for words in found.artefacts)
@@ -70,7 +73,7 @@ def test_vibration_beside_an_effect_is_a_caution(make_sweeps, paper_muscle):
 def test_a_vibration_is_found_where_no_place_was_visited_twice(make_sweeps, paper_muscle):
     """The discrepancy could follow it there, as a function of strain and pressure."""
     data = make_sweeps(cycles=1, extra=swing(2.5, 4.1))
-    found = diagnose(paper_muscle, data.select(data.trial < 3))
+    found = diagnose(paper_muscle, data.select(data.trial < 3), choices=ALONE)
     assert found.summary.startswith('the force swings by 2.6 N with a period of 4.1 s')
 
 
@@ -78,10 +81,10 @@ def test_vibration_is_told_beside_a_shape_that_no_effect_has(make_sweeps, paper_
     """What the discrepancy explains by strain and pressure is not held against it."""
     def extra(strain, pressure, way, time):
         return swing(2.5)(strain, pressure, way, time) + 9.0 * np.sin(25.0 * strain)
-    found = diagnose(paper_muscle, make_sweeps(extra=extra))
+    found = diagnose(paper_muscle, make_sweeps(extra=extra), choices=ALONE)
     assert any('with a period of 2.2 s' in words for words in found.artefacts)
 
 
 def test_a_vibration_hidden_in_the_noise_is_not_told(make_sweeps, paper_muscle):
     """Less than half of the noise of a row."""
-    assert not diagnose(paper_muscle, make_sweeps(extra=swing(0.35))).artefacts
+    assert not diagnose(paper_muscle, make_sweeps(extra=swing(0.35)), choices=ALONE).artefacts

@@ -43,7 +43,9 @@ def test_values_and_intervals_are_those_of_the_posterior(fit):
         [-1.96 * 0.12, 1.96 * 0.12], rel=1e-3)
     assert force.moved == pytest.approx((-0.5, -0.696, -0.304), rel=1e-3)
     assert force.reach == pytest.approx((-1.96, 1.96), rel=1e-3)
+    assert radius.prior == pytest.approx((6.35, 6.35 - 1.96 * 0.25, 6.35 + 1.96 * 0.25), rel=1e-4)
     assert force.prior == pytest.approx((4.0, 4.0 * np.exp(-2.352), 4.0 * np.exp(2.352)), rel=1e-3)
+    assert length.prior == pytest.approx((0.0, 0.0, 1.96 * 5.0), rel=1e-3)
     assert length.moved == pytest.approx((1.5, 0.52, 2.48), rel=1e-3)
     assert length.reach == pytest.approx((0.0, 1.96), rel=1e-3)  # a size is not negative
     assert [each.flag for each in (radius, force, length)] == [''] * 3

@@ -15,6 +15,7 @@ from fam_bundle_ros.discovery.cells import Cells, reduce
 from fam_bundle_ros.discovery.held_out import (
     beyond_cells,
     folds,
+    held_out,
     held_out_physics,
     HeldOut,
     splits,
@@ -97,6 +98,14 @@ def test_the_held_out_error_is_that_of_refits_without_each_fold(fitted):
         total, rows = total + each[-1], rows + cells.count[gone].sum()
     assert squares_of_folds(fitter, fit) == pytest.approx(np.array(each) / rows, rel=0.1, abs=1e-3)
     assert held_out_physics(fitter, fit) == pytest.approx(np.sqrt(total / rows), rel=0.03)
+
+
+def test_contributions_of_the_folds_add_up_to_the_mean_square_error(fitted):
+    """Each fold by its rows, so that folds of two models can be compared one by one."""
+    fitter, fit = fitted
+    found = held_out(fitter, fit, fit)
+    assert len(found.squares) == len([*folds(fitter.cells)]) > 1
+    assert found.squares.sum() == pytest.approx(found.physics ** 2)
 
 
 def test_what_cannot_be_left_out_has_the_error_of_the_fit(fitted, monkeypatch):

@@ -272,6 +272,22 @@ def test_what_a_bladder_loses_goes_with_the_strain_it_has_travelled(law, lost):
     assert_allclose(share, 0.4 * lost(travelled / 0.5), rtol=0.03)
 
 
+def test_resistive_buckling_past_collapse_is_a_column_of_three_hinges():
+    """Of a length h, halves of which are at phi: (F/2) (h/2) sin phi is the moment of a hinge."""
+    folds = catalogue.get('resistive_buckling')(
+        euler_load=200.0, pressure_share=0.0, collapse_strain=0.1, collapse_slope=1e-6,
+        hinge_moment=1e-3, hinge_share=0.05)
+    muscle = Bundle('muscle', units(1), [mesh(), folds])
+    unit, = muscle.motor_units
+    for pressure in (5e4, 1e5):
+        strain = np.linspace(0.36, 0.45, 5)
+        hinged = unit.geometry.length * (1.0 - 0.1 - 1e-6 * pressure)
+        phi = np.arccos((1.0 - strain) * unit.geometry.length / hinged)
+        moment = 1e-3 + 0.05 * np.pi * unit.geometry.radius ** 3 * pressure
+        force = muscle.force(strain, np.full((5, 1), pressure)) / unit.muscles
+        assert_allclose(-force / 4.0 * hinged * np.sin(phi), moment, rtol=1e-9)
+
+
 def test_the_larger_of_two_limits_holds():
     """A slack tendon hides buckling: no push-back is left, in either order."""
     bundle = bundle_with(example('tendon_slack'), example('resistive_buckling'))

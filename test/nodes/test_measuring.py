@@ -122,7 +122,7 @@ def test_the_next_experiment_breaks_the_tie_it_was_written_for(domain_id, tmp_pa
     motion = Motion(strain, pressure, rate, clock, np.diff(trial, prepend=-1) != 0)
     force = hidden.predict(motion) + 0.9 * np.random.default_rng(0).standard_normal(120)
     old = build('old', strain, pressure, force, trial, clock)
-    first = diagnose(model, old, choices=Choices(most=2))
+    first = diagnose(model, old, choices=Choices(most=1))
     assert first.tied == (('threshold_pressure', 'pressure_sensor_bias'),)
     save_protocol(first.next_protocol, tmp_path / 'next.yaml')
     proposed = read_protocol(tmp_path / 'next.yaml')
@@ -131,7 +131,7 @@ def test_the_next_experiment_breaks_the_tie_it_was_written_for(domain_id, tmp_pa
             domain=domain_id)
     new = read_measurement(tmp_path / 'next.csv')
     both = diagnose(model, join([old, new.select(np.arange(0, len(new), 4))]),
-                    choices=Choices(most=2))
+                    choices=Choices(most=1))
     assert (both.effects, both.tied) == (('threshold_pressure',), ())
 
 

@@ -77,7 +77,7 @@ def test_push_back_of_an_unknown_shape_is_found_added_and_used(files, tmp_path, 
     believed, rig = files
     plant, old = load_model(rig), load_model(believed)
     data = measured(plant)
-    found = diagnose(old, data, choices=Choices(most=2))
+    found = diagnose(old, data, choices=Choices(most=1))
     assert found.verdict == 'partial'
     assert found.effects == ('resistive_buckling',)
     found.recommended.save(tmp_path / 'better.yaml')
