@@ -38,6 +38,8 @@ _DAMPINGS = np.array([0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 
 _INTEGRALS = np.logspace(-2.0, 1.0, 19)
 #: Candidates at which the search begins; an integral alone, the safest, is among them.
 _STARTS = tuple(product(range(1, len(_GAINS), 3), range(0, len(_DAMPINGS), 3)))
+#: Integral gains below the largest with a margin whose errors are compared.
+_LAST = 3
 #: Frequencies at which loops are evaluated, over the natural frequency.
 _FREQUENCIES = np.logspace(-2.7, 1.3, 250)
 
@@ -112,21 +114,28 @@ def _plants(s, stiffnesses, inertia, damping):
 
 
 def _costs(s, plants, control):
-    """Return the squared error after a load step of each controller (K, F); inf without margin."""
+    """
+    Return the squared error after a load step of each controller (K, F); inf without margin.
+
+    The controllers are in the order of their integrals, of which the error falls: only the last
+    `_LAST` before the margin is lost are evaluated.
+    """
     around = 1.0 + control[:, None] * plants
-    holds = np.abs(around).min(axis=(1, 2)) >= _DISTANCE
-    costs = np.full(len(control), np.inf)
-    if not holds.any():
+    square = around.real ** 2 + around.imag ** 2
+    holds = np.logical_and.accumulate(square.min(axis=(1, 2)) >= _DISTANCE ** 2)
+    costs, end = np.full(len(control), np.inf), int(holds.sum())
+    if end == 0:
         return costs
-    around = around[holds]
+    last = slice(max(end - _LAST, 0), end)
+    around = around[last]
     # s (1 + L) has no zeros in the right half plane if its total phase change is +90 degrees
     # (argument principle; it starts real and positive).
     turned = np.unwrap(np.angle(s * around), axis=-1)
     stable = np.all((np.abs(turned[..., 0]) < 0.5 * math.pi)
                     & (np.abs(turned[..., -1] - 0.5 * math.pi) < 0.5 * math.pi), axis=-1)
-    square = np.abs(plants / around / s) ** 2
-    whole = 0.5 * (square[..., 1:] + square[..., :-1]) @ np.diff(s.imag)
-    costs[holds] = np.where(stable, whole.mean(axis=-1), np.inf)
+    error = np.abs(plants / around / s) ** 2
+    whole = 0.5 * (error[..., 1:] + error[..., :-1]) @ np.diff(s.imag)
+    costs[last] = np.where(stable, whole.mean(axis=-1), np.inf)
     return costs
 
 
