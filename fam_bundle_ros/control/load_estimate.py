@@ -8,8 +8,10 @@ plus damping times the change of the rate, plus inertia times that of the accele
 come from the same filters on force and strain (state variable filters: Young 2011, Recursive
 Estimation and Time-Series Analysis, ch. 8). Changes of the force beyond these laws, such as an
 added weight, are clipped (Huber 1964, Ann. Math. Stat. 35, 73). Changes at constant strain are
-not used: the load may be leaving a stop. At rest only the force at zero strain is updated. Errors
-of the muscle model have no effect, since only measurements are used. Kernels.
+not used: the load may be leaving a stop. At rest only the force at zero strain is updated, by
+changes beyond the load's dry friction: friction holds whatever force the loop itself applies, and
+a loop that follows it would hunt. Errors of the muscle model have no effect, since only
+measurements are used. Kernels.
 """
 
 from dataclasses import dataclass, field
@@ -64,6 +66,9 @@ class LoadEstimate:
         Readings behind one, two and three filters.
     last : list (4,)
         Force, strain, rate and acceleration at the start of the step, ``age`` s ago.
+    ends : list (2, 4)
+        The same at the end of the last step downwards and upwards that was not clipped; nan before
+        there was one.
     places : int
         Number of steps so far.
     way, product : list (3,)
@@ -78,6 +83,7 @@ class LoadEstimate:
     strains: list = field(default_factory=lambda: [0.0] * 3)
     forces: list = field(default_factory=lambda: [0.0] * 3)
     last: list = field(default_factory=lambda: [0.0] * 4)
+    ends: list = field(default_factory=lambda: [[0.0] * 4 for _ in range(2)])
     age: float = 0.0
     places: int = 0
     way: list = field(default_factory=lambda: [0.0] * 3)
@@ -94,6 +100,7 @@ def forget_load(state: Any) -> None:
 def begin_load(state: Any, most: float, usual: float) -> None:
     """Start from the prior; arguments as for `learn_load`."""
     state.started, state.places = True, 0
+    state.ends[0][0] = state.ends[1][0] = math.nan
     for i in range(3):
         state.value[i] = 0.0
         for j in range(3):
@@ -167,7 +174,8 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
     # A new estimate must not change the force at the present strain.
     now = load_law(state, strain, rate, bend)
     state.offset += before - now
-    state.offset += low_pass(dt, _OFFSET_LAGS * time) * (force - now - state.offset)
+    left, dry = force - now - state.offset, dry_friction(state)
+    state.offset += low_pass(dt, _OFFSET_LAGS * time) * (left - min(max(left, -dry), dry))
     if not state.known:
         state.known, state.offset = state.places >= _ENOUGH, force - now
 
@@ -185,6 +193,9 @@ def learn_place(state: Any, rate: float, bend: float, most: float, usual: float)
         left -= value[i] * way[i]
         product[i] = p[i][0] * way[0] + p[i][1] * way[1] + p[i][2] * way[2]
         seen += way[i] * product[i]
+    if abs(left) < _CLIP * math.sqrt(seen):
+        end = state.ends[1 if way[0] > 0.0 else 0]
+        end[0], end[1], end[2], end[3] = state.forces[2], state.strains[2], rate, bend
     seen = max(seen, (left / _CLIP) ** 2)
     for i in range(3):
         value[i] += product[i] / seen * left
@@ -195,6 +206,22 @@ def learn_place(state: Any, rate: float, bend: float, most: float, usual: float)
     lightest = max(value[2] + _SURELY * sd, LEAST_INERTIA * usual)
     state.inertia = min(max(usual, value[2] - sd), lightest)
     state.places += 1
+
+
+def dry_friction(state: Any) -> float:
+    """
+    Return the dry friction of the load, N.
+
+    Half of the difference of the forces of the last steps upwards and downwards, beyond what the
+    other laws give there; 0 before there was one of each.
+    """
+    down, up = state.ends[0], state.ends[1]
+    if math.isnan(down[0] + up[0]):
+        return 0.0
+    left = up[0] - down[0]
+    for i in range(3):
+        left -= state.value[i] * (up[i + 1] - down[i + 1])
+    return max(0.5 * left, 0.0)
 
 
 def load_law(state: Any, strain: float, rate: float, bend: float) -> float:

@@ -13,7 +13,12 @@ from fam_bundle_ros.control import (
     RecruitmentController,
     Reference,
 )
-from fam_bundle_ros.control.load_estimate import learn_load, load_law, LoadEstimate
+from fam_bundle_ros.control.load_estimate import (
+    dry_friction,
+    learn_load,
+    load_law,
+    LoadEstimate,
+)
 from fam_bundle_ros.control.outer_loop import outer_settings
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.plant import Arm, MassSpring
@@ -132,6 +137,34 @@ def test_a_weight_that_is_put_on_is_held_within_half_a_second():
     last = strain[-1]
     learnt(np.full(125, last), np.full(125, 50.0 + 600.0 * last), state)
     assert state.offset == pytest.approx(50.0, abs=6.0)
+
+
+def rubbing(friction):
+    """Return what is known of a rubbing spring after ramps with rests, and its middle force."""
+    t = np.arange(0.0, 12.0, DT)
+    strain = np.interp(t, [0.0, 2.0, 3.0, 5.0, 6.0, 8.0, 9.0, 11.0],
+                       [0.0, 0.08, 0.08, 0.02, 0.02, 0.09, 0.09, 0.04])
+    middle = 20.0 + 600.0 * strain
+    way = np.sign(np.gradient(strain))
+    return learnt(strain, middle + friction * way), strain[-1], middle[-1]
+
+
+@pytest.mark.parametrize('friction', [0.0, 3.0, 8.0])
+def test_dry_friction_of_a_load_is_half_of_what_the_ways_differ_by(friction):
+    """A spring needs more force upwards than downwards."""
+    state, _, _ = rubbing(friction)
+    assert dry_friction(state) == pytest.approx(friction, abs=0.1 + 0.15 * friction)
+
+
+def test_a_force_that_friction_may_hold_is_no_load():
+    """A loop that pulls at a load which sticks must not read its own pull as more load."""
+    state, strain, middle = rubbing(8.0)
+    learnt(np.full(250, strain), np.full(250, middle), state)
+    before = state.offset
+    learnt(np.full(250, strain), np.full(250, middle + 5.0), state)
+    assert state.offset == pytest.approx(before, abs=0.2)
+    learnt(np.full(250, strain), np.full(250, middle + 40.0), state)
+    assert state.offset == pytest.approx(before + 40.0 - 8.0, abs=4.0)
 
 
 def test_another_estimate_changes_no_force_here(paper_bundle):
