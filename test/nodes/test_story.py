@@ -40,7 +40,7 @@ def test_a_hidden_effect_is_found_added_and_controlled_against(tmp_path, domain_
     before = run_trajectory(believed, PLAN, plant_model=hidden, bag=tmp_path / 'bag',
                             domain=domain_id, log_level='warn')
     measured = read_measurement(tmp_path / 'bag')
-    found = diagnose(load_model(believed), measured, choices=Choices(most=1))
+    found = diagnose(load_model(believed), measured, choices=Choices(most=2))
     assert found.verdict == 'missing_effect'
     assert found.effects == ('coulomb_friction',)
 
