@@ -74,6 +74,28 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
     return Trials(index, tuple(names), order, [])
 
 
+def recordings_of(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
+    """
+    Return the recording of each row, (T,) int: trials between which the clock runs on are one.
+
+    It runs on where it does not go back, and pauses no longer than within a log without trials:
+    while the pressure is set between two sweeps the muscle remembers.
+
+    Examples
+    --------
+    >>> time, trial = 0.1 * np.arange(6), np.repeat([0, 1, 2], 2)
+    >>> recordings_of(time + np.repeat([0.0, 1.0, 99.0], 2), trial)
+    array([0, 0, 0, 0, 1, 1])
+    """
+    step = np.diff(time)
+    anew = (np.diff(trial) != 0) & ((step < 0.0) | _is_pause(step, usual_step(time, trial)))
+    return np.append(0, np.cumsum(anew))
+
+
+def _is_pause(step: np.ndarray, usual: float) -> np.ndarray:
+    return step > max(_PAUSE, PAUSE_STEPS * usual)
+
+
 def _of_clock(name: str, time: np.ndarray | None, rows: np.ndarray) -> Trials:
     one, few = np.zeros(len(rows), int), max(1, len(rows) // 50)
     if time is None:
@@ -86,7 +108,7 @@ def _of_clock(name: str, time: np.ndarray | None, rows: np.ndarray) -> Trials:
     if back.any() and step.min() > -_SWAPPED * usual:
         return Trials(one, ('0',), np.argsort(time, kind='stable'),
                       ['rows out of order by their times: put in order'])
-    paused = step > max(_PAUSE, PAUSE_STEPS * usual)
+    paused = _is_pause(step, usual)
     index = np.append(0, np.cumsum(back | paused if paused.sum() <= few else back))
     return Trials(index, tuple(str(i) for i in range(index[-1] + 1)), np.arange(len(rows)),
                   _new_trials(index, time, rows))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.measurement import counted, Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery import settings
@@ -238,6 +238,12 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         if far:
             notes.append(f'{words} moves the geometry beyond its tolerances: '
                          + ', '.join(far) + ' tolerances')
+    anew = int(data.restart.sum()) - 1
+    remembers = [effect.name for effect in final.model.effects if effect.law.memory]
+    if anew and remembers and not data.is_static:
+        notes.append(f'the memory of {" and ".join(remembers)} starts anew at '
+                     f'{counted(anew, "trial")}: the clock pauses or goes back there, or a file '
+                     'begins')
     if ascends(data):
         notes.append('isobars were run in ascending order: effects of pressure and of time cannot '
                      'be separated')
