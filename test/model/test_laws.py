@@ -156,6 +156,17 @@ def test_coulomb_loop_has_the_same_width_at_any_speed():
         assert_allclose(back - there, 2 * 2 * 4.0, rtol=1e-6)  # two muscles
 
 
+@pytest.mark.parametrize('name', ['coulomb_friction', 'stribeck_friction'])
+def test_dry_friction_is_no_damping_at_any_width_of_its_sign(name):
+    """A sweep over the range in 2 s has the friction of one in 0.2 s, within a hundredth."""
+    kind = catalogue.get(name)
+    widest = next(p.upper for p in kind.parameters if p.name == 'smoothing')
+    rubs = bundle_with(kind(smoothing=widest, **({'rise': 0.0} if 'stri' in name else {})))
+    slow, fast = (rubs.force(0.1, [2e5, 0.0], [rate]) - rubs.force(0.1, [2e5, 0.0])
+                  for rate in (0.1, 1.0))
+    assert_allclose(slow, fast, rtol=0.01)
+
+
 def test_presliding_rounds_the_corner_over_a_fixed_strain():
     """After a reversal half of the loop is crossed within the width, whatever the time taken."""
     bundle = Bundle('one', units(1), [mesh()]).with_effect(
