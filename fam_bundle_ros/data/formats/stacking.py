@@ -31,8 +31,8 @@ _LEVEL = re.compile(
     r'(?<![^\W_])(?<![.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?![^\W_])')
 #: What is assumed of parts of one recording until their clocks are told.
 ONE_CLOCK = ('the times of these parts are taken as one clock; if the clocks began apart, tell the '
-             'difference: for example, --columns "time=time 2 + 1.7 s" is for a second clock that '
-             'began 1.7 s after the first')
+             'difference: for example, --columns "time=time 2 + 1.7 s" is for a second clock '
+             'that began 1.7 s after the first')
 
 
 class _Level(NamedTuple):
