@@ -41,14 +41,14 @@ def join(recordings: Sequence[Measurement]) -> Measurement:
     parts: dict[str, Any] = {
         name: np.concatenate([getattr(each, name) for each in recordings]) for name in (
             'strain', 'pressure', 'force', 'strain_rate', 'direction', 'direction_basis')}
+    for name in ('trial', 'recording'):  # no more recordings than trials
+        parts[name] = np.concatenate([getattr(each, name) + k
+                                      for each, k in zip(recordings, before)])
     dropped: Counter[str] = Counter()
     for each in recordings:
         dropped.update(each.dropped)
     return replace(
         first, name=' + '.join(each.name for each in recordings), sha256='', **parts,
-        # no more recordings than trials
-        **{name: np.concatenate([getattr(each, name) + k for each, k in zip(recordings, before)])
-           for name in ('trial', 'recording')},
         trial_names=tuple(f'{each.name} {name}' for each in recordings
                           for name in each.trial_names),
         time=None if first.is_static else _one_clock(recordings),

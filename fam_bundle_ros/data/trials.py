@@ -16,7 +16,8 @@ from fam_bundle_ros.errors import InputError
 MIN_ROWS = 12
 #: Rows closer in time than this share of the usual step came in one packet.
 _PACKET = 0.1
-#: s: a longer step is a pause of the log, if the usual step is far shorter.
+#: s: a longer step is a pause of the log, if the usual step is far shorter; what the muscle did in
+#: it is not known.
 _PAUSE = 5.0
 #: Times that go back by at most so many usual steps: the rows were written out of order.
 _SWAPPED = 3.0
@@ -78,8 +79,8 @@ def recordings_of(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
     """
     Return the recording of each row, (T,) int: trials between which the clock runs on are one.
 
-    It runs on where it does not go back, and pauses no longer than within a log without trials:
-    while the pressure is set between two sweeps the muscle remembers.
+    It runs on where it does not go back, and pauses no longer than `_PAUSE`, or than between two
+    rows of a trial: while the pressure is set between two sweeps the muscle remembers.
 
     Examples
     --------
@@ -87,13 +88,9 @@ def recordings_of(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
     >>> recordings_of(time + np.repeat([0.0, 1.0, 99.0], 2), trial)
     array([0, 0, 0, 0, 1, 1])
     """
-    step = np.diff(time)
-    anew = (np.diff(trial) != 0) & ((step < 0.0) | _is_pause(step, usual_step(time, trial)))
-    return np.append(0, np.cumsum(anew))
-
-
-def _is_pause(step: np.ndarray, usual: float) -> np.ndarray:
-    return step > max(_PAUSE, PAUSE_STEPS * usual)
+    step, change = np.diff(time), np.diff(trial) != 0
+    most = max(_PAUSE, float(step[~change].max(initial=0.0))) * (1.0 + 1e-6)  # rounding of sums
+    return np.append(0, np.cumsum(change & ((step < 0.0) | (step > most))))
 
 
 def _of_clock(name: str, time: np.ndarray | None, rows: np.ndarray) -> Trials:
@@ -108,7 +105,7 @@ def _of_clock(name: str, time: np.ndarray | None, rows: np.ndarray) -> Trials:
     if back.any() and step.min() > -_SWAPPED * usual:
         return Trials(one, ('0',), np.argsort(time, kind='stable'),
                       ['rows out of order by their times: put in order'])
-    paused = _is_pause(step, usual)
+    paused = step > max(_PAUSE, PAUSE_STEPS * usual)
     index = np.append(0, np.cumsum(back | paused if paused.sum() <= few else back))
     return Trials(index, tuple(str(i) for i in range(index[-1] + 1)), np.arange(len(rows)),
                   _new_trials(index, time, rows))

@@ -18,7 +18,6 @@ from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.unit_names import is_unit
-from fam_bundle_ros.errors import in_short
 
 _PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)[\'"]?\s*[:=]\s*'
                    r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'
@@ -60,6 +59,6 @@ def labelled(name: str, lines: Sequence[str]) -> Table | None:
     lost = [k for k in range(rows[0], len(lines)) if k not in read and lines[k].strip()]
     notes = (f'{counted(len(lost), "line")} between the rows without a value for each of '
              f'{", ".join(keys)}, not read (the first is line {lost[0] + 1}: '
-             f"'{in_short(lines[lost[0]].strip())[:40]}')",) if lost else ()
+             f"'{lines[lost[0]].strip()[:40]}')",) if lost else ()
     return Table(name, 'text with a name beside each value', columns, units, np.array(rows) + 1,
                  notes=notes)

@@ -30,8 +30,8 @@ _TRIAL = re.compile(r'(?<!\w)([^\W\d_]+)[ _]?#?\d+(?!\w)\s*:?')
 _LEVEL = re.compile(
     r'(?<![^\W_])(?<![.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?![^\W_])')
 #: What is assumed of parts of one recording until their clocks are told.
-ONE_CLOCK = ('the times of these parts are taken as one clock; if the clocks began apart, tell the '
-             'difference: for example, --columns "time=time 2 + 1.7 s" is for a second clock '
+ONE_CLOCK = ('the times of these parts are taken as one clock; if the clocks began apart, tell '
+             'the difference: for example, --columns "time=time 2 + 1.7 s" is for a second clock '
              'that began 1.7 s after the first')
 
 
