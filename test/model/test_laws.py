@@ -222,13 +222,22 @@ def test_a_line_is_as_late_behind_a_ramp_as_its_time_constant_says(law, left):
 
 @pytest.mark.parametrize(('law', 'left'), [
     ('threshold_pressure', lambda ratio: np.maximum(ratio - 1.0, 0.0)),
-    ('soft_threshold', lambda ratio: ratio - 1.0 + np.exp(-ratio))])
+    ('soft_threshold', lambda ratio: ratio - (1.0 - np.exp(-ratio ** 1.5)) ** (2.0 / 3.0))])
 def test_a_threshold_is_lost_at_once_or_gradually(law, left):
     """Of a pressure in units of the threshold: what is left of it drives the braid."""
     threshold, ratio = 40e3, np.array([0.0, 0.3, 1.0, 2.0, 9.0])
     plain = Bundle('one', units(1), [mesh()])
     force = plain.with_effect(law, pressure=threshold).force(0.1, threshold * ratio[:, None])
     assert_allclose(force, plain.force(0.1, threshold * left(ratio)[:, None]), atol=1e-9)
+
+
+def test_a_soft_threshold_can_be_a_hyperbolic_tangent():
+    """Within a fiftieth of the threshold at any pressure; so do other muscles meet their braid."""
+    lost, pressure = 30e3, np.linspace(0.0, 3e5, 301)
+    plain = Bundle('one', units(1), [mesh()])
+    met = plain.with_effect('soft_threshold', pressure=lost, sharpness=1.7)
+    left = met.force(0.1, pressure[:, None]) / plain.force(0.1, [1.0])
+    assert_allclose(left, pressure - lost * np.tanh(pressure / lost), atol=0.02 * lost)
 
 
 def test_relaxation_is_that_of_a_standard_linear_solid():
