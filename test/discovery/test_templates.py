@@ -184,6 +184,14 @@ def test_what_lags_follows_a_step_with_its_time_constant(steps):
     assert_allclose(found[10:300], 5.0 - 2.0 * left)
 
 
+def test_what_lags_has_settled_after_a_pause():
+    """The row after it is a thousand time constants later, not the usual step."""
+    signal = np.append(np.full(10, 3.0), np.full(5, 5.0))
+    passed = np.where(np.arange(15) == 10, 1e4, 0.2)
+    passed[0] = np.inf
+    assert_allclose(_lagged(signal, passed, 10.0), signal, atol=3e-3)
+
+
 def test_how_fast_a_pressure_changes_is_its_difference_over_the_time(paper_muscle):
     """In each trial from its second row on; the mean over the motor units."""
     unit = paper_muscle.motor_units[0]
