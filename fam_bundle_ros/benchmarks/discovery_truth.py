@@ -58,8 +58,8 @@ class Record:
 
     @property
     def starts(self) -> np.ndarray:
-        """Return the rows where a trial begins."""
-        return np.flatnonzero(np.diff(self.trial, prepend=self.trial[0] - 1))
+        """Return the rows where the clock begins: in a pause the muscle remembers."""
+        return np.append(0, np.flatnonzero(np.diff(self.time) < 0) + 1)
 
 
 # --- forces ------------------------------------------------------------------------------------
@@ -117,7 +117,7 @@ def true_force(record: Record, rig: Rig, hidden: list[Hidden]) -> np.ndarray:
     return total
 
 
-def per_trial(record: Record, step: Callable) -> np.ndarray:
+def remembered(record: Record, step: Callable) -> np.ndarray:
     """Return a state at each sample, (T,): ``step(state or None, i, dt) -> state``."""
     result = np.empty(len(record.time))
     begins = set(record.starts.tolist())
@@ -131,12 +131,12 @@ def per_trial(record: Record, step: Callable) -> np.ndarray:
 
 
 def low_pass(record: Record, signal: np.ndarray, tau: float) -> np.ndarray:
-    """Return a signal with a first-order lag, at rest at the start of each trial."""
+    """Return a signal with a first-order lag, at rest where the clock begins."""
     def step(state, i, dt):
         if state is None:
             return signal[i]
         return state + (signal[i] - state) * (1.0 - np.exp(-dt / tau))
-    return per_trial(record, step)
+    return remembered(record, step)
 
 
 # --- the hidden effects: the same form as the catalogue's, and another one ---------------------
@@ -194,7 +194,7 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
                         return 0.0
                     move = e[i] - e[i - 1]
                     return float(np.clip(z + move / width * (1 - z * np.sign(move)), -1, 1))
-                return -level * per_trial(record, dahl)
+                return -level * remembered(record, dahl)
             slip = np.zeros(len(e))
             for share in spread:
                 half = share * width
@@ -203,7 +203,7 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
                     if z is None:
                         return 0.0
                     return float(np.clip(z + e[i] - e[i - 1], -half, half))
-                slip += per_trial(record, stop) / half / len(spread)
+                slip += remembered(record, stop) / half / len(spread)
             return -level * slip
         return Hidden(name, form, {'force': fc, 'width': width}, loss=presliding)
     if name == 'viscous_damping':
@@ -268,7 +268,7 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
 
         def soften(rubber, record):
             moved = np.abs(np.diff(record.strain, prepend=record.strain[0]))
-            travel = per_trial(record, lambda z, i, dt: 0.0 if z is None else z + moved[i])
+            travel = remembered(record, lambda z, i, dt: 0.0 if z is None else z + moved[i])
             lost = travel / (travel + 0.7 * reach) if other else 1 - np.exp(-travel / reach)
             return -depth * lost * rubber
         return Hidden(name, form, {'depth': depth}, rubber=soften)

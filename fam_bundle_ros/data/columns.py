@@ -29,6 +29,7 @@ from fam_bundle_ros.data.column_names import absolute_of, likes
 from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words, settings
 from fam_bundle_ros.data.formats.channels import clocks_in
 from fam_bundle_ros.data.formats.heads import interval_of
+from fam_bundle_ros.data.formats.stacking import ONE_CLOCK
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
@@ -98,7 +99,7 @@ class _Reader:
             table.name, strain, pressure, values['force'],
             labels(table.columns[trial.header])[rows] if trial and trial.header else None, time,
             [key.partition('.')[2] or 'mu1' for key in pressures], values.get('strain_rate'),
-            rows=table.rows[rows], notes=[*table.notes, *self.notes, *notes],
+            rows=table.rows[rows], notes=[*self._of_table(), *self.notes, *notes],
             max_strain=recipe.max_strain, max_pressure=recipe.max_pressure,
             units={key: unit for key, unit in given.items()
                    if key in ('force', 'strain', *pressures)})
@@ -109,14 +110,19 @@ class _Reader:
             first_dropped={reason: (row, self._text(reason.partition(' in ')[2], row))
                            for reason, (row, _) in measured.first_dropped.items()})
 
+    def _of_table(self) -> list[str]:
+        """Return the notes of the table, without advice that was followed."""
+        return [note for note in self.table.notes
+                if note != ONE_CLOCK or 'time' not in self.recipe.columns]
+
     def _supplies(self, pressure: np.ndarray) -> list[str]:
         """Return the question whether the highest pressure is a supply, if no name denies it."""
-        low, high = pressure.min(axis=0), pressure.max(axis=0)
+        low = pressure.min(axis=0)
         highest = int(np.argmax(low))
         header = self.choices.chosen[self.choices.pressures[highest]].header or ''
         # a motor unit that is on throughout
         of_muscle = re.search(r'mus[ck]|(?<![a-z])mu(?![a-z])', header.casefold())
-        if len(low) == 1 or low[highest] < 0.8 * high.max() or of_muscle:
+        if len(low) == 1 or low[highest] < 0.8 * pressure.max() or of_muscle:
             return []
         return [f'pressure {highest + 1} of {len(low)} never is below {low[highest] / 1e3:.4g} '
                 'kPa, where the others hardly get: is it a supply? Tell the others (--columns)']

@@ -79,10 +79,10 @@ def constant_force(force: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
     """
     Return the rows in which the force is constant while the muscle moves, or None.
 
-    The muscle moves in the faster half of the steps. The share of these steps with equal forces
-    elsewhere in the log gives the probability of such a stretch: with a coarse converter it is
-    high. A whole trial at one force is not reported, which is a weight, nor is a vented muscle,
-    which is slack.
+    The muscle moves in the faster half of the steps of the log, and in those of a stretch over
+    which its strain changes. The share of equal forces in steps as fast elsewhere gives the
+    probability of such a stretch: with a coarse converter it is high. A whole trial at one force
+    is not reported, which is a weight, nor is a vented muscle, which is slack.
 
     Parameters
     ----------
@@ -93,8 +93,7 @@ def constant_force(force: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
         Steps between rows of one trial.
     """
     moved = np.where(within, np.abs(np.diff(strain)), 0.0)
-    fast = within & (moved > np.median(moved[within])) if within.any() else within
-    fast = fast & (pressure[1:] > REST_PRESSURE * pressure.max())
+    filled = within & (pressure[1:] > REST_PRESSURE * pressure.max())
     same = within & (np.diff(force) == 0)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
     begin, end = edge[::2], edge[1::2]
@@ -103,15 +102,34 @@ def constant_force(force: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
     begin, end = begin[part_of_trial], end[part_of_trial]
     if not len(begin):
         return None
-    count = np.concatenate([[0], np.cumsum(fast & same)])
-    lengths = count[end] - count[begin]
-    longest = int(np.argmax(lengths))
-    elsewhere = fast & (force[1:] != force[begin[longest]])
-    # Laplace's rule of succession
-    share = ((elsewhere & same).sum() + 1) / (elsewhere.sum() + 2)
-    if max(fast.sum(), 1) * share ** int(lengths[longest]) >= FALSE_ALARM:
+    pieces = np.array([begin, end + 1]).T.ravel()
+    travel = (np.maximum.reduceat(np.append(strain, -np.inf), pieces)
+              - np.minimum.reduceat(np.append(strain, np.inf), pieces))[::2]
+
+    def longest(fast: np.ndarray) -> int:
+        count = np.concatenate([[0], np.cumsum(fast & same)])
+        return int(np.argmax(count[end] - count[begin]))
+
+    def by_chance(stretch: slice, fast: np.ndarray) -> bool:
+        elsewhere = fast & (force[1:] != force[stretch.start])
+        # Laplace's rule of succession
+        share = ((elsewhere & same).sum() + 1) / (elsewhere.sum() + 2)
+        number = int(fast[stretch.start:stretch.stop - 1].sum())
+        return bool(max(fast.sum(), 1) * share ** number >= FALSE_ALARM)
+
+    usual = filled & (moved > np.median(moved[within]))
+    at = longest(usual)
+    stretch = slice(int(begin[at]), int(end[at]) + 1)
+    if not by_chance(stretch, usual):
+        return stretch
+    begin, end = begin[travel > _HELD], end[travel > _HELD]
+    if not len(begin):
         return None
-    return slice(int(begin[longest]), int(end[longest]) + 1)
+    at = longest(filled)
+    stretch = slice(int(begin[at]), int(end[at]) + 1)
+    own = moved[stretch.start:stretch.stop - 1]
+    alike = filled & (moved > np.median(own)) & (moved <= own.max())
+    return None if by_chance(stretch, alike) else stretch
 
 
 def clipped(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> np.ndarray:

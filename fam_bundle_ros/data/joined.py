@@ -37,16 +37,18 @@ def join(recordings: Sequence[Measurement]) -> Measurement:
         if other.is_static != first.is_static:
             raise InputError(f'{other.name} and {first.name}: one has time, the other is a static '
                              'map; expected two of a kind')
-    trials = np.cumsum([0, *(len(each.trial_names) for each in recordings[:-1])])
+    before = np.cumsum([0, *(len(each.trial_names) for each in recordings[:-1])])
     parts: dict[str, Any] = {
         name: np.concatenate([getattr(each, name) for each in recordings]) for name in (
             'strain', 'pressure', 'force', 'strain_rate', 'direction', 'direction_basis')}
+    for name in ('trial', 'recording'):  # no more recordings than trials
+        parts[name] = np.concatenate([getattr(each, name) + k
+                                      for each, k in zip(recordings, before)])
     dropped: Counter[str] = Counter()
     for each in recordings:
         dropped.update(each.dropped)
     return replace(
         first, name=' + '.join(each.name for each in recordings), sha256='', **parts,
-        trial=np.concatenate([each.trial + k for each, k in zip(recordings, trials)]),
         trial_names=tuple(f'{each.name} {name}' for each in recordings
                           for name in each.trial_names),
         time=None if first.is_static else _one_clock(recordings),

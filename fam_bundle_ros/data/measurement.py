@@ -23,7 +23,13 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
 from fam_bundle_ros.data.dropouts import what_was_lost
-from fam_bundle_ros.data.trials import fresh_stamps, MIN_ROWS, spread_stamps, trials_of
+from fam_bundle_ros.data.trials import (
+    fresh_stamps,
+    MIN_ROWS,
+    recordings_of,
+    spread_stamps,
+    trials_of,
+)
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.told import Told
 
@@ -88,6 +94,9 @@ class Measurement(Told):
         Tension positive.
     trial : ndarray of int, shape (T,)
         Index into ``trial_names``; rows of one trial are neighbours.
+    recording : ndarray of int, shape (T,)
+        Rows of one are a continuous past of the muscle (`trials.recordings_of`): of one trial, or
+        of several between which the clock runs on. Of a static map the trials.
     time : ndarray, shape (T,), s, or None
         Clock time; increasing within a trial (rows that shared a stamp are spread evenly up to
         the next, `trials.spread_stamps`). None for a static map.
@@ -122,6 +131,7 @@ class Measurement(Told):
     pressure: np.ndarray
     force: np.ndarray
     trial: np.ndarray
+    recording: np.ndarray
     time: np.ndarray | None
     strain_rate: np.ndarray
     rate_noise: float
@@ -162,20 +172,8 @@ class Measurement(Told):
 
     @property
     def restart(self) -> np.ndarray:
-        """
-        Return which rows have an unknown past, (T,) bool: the first ones of interrupted trials.
-
-        Where the clock runs on, by no more than between two rows of a trial, the trials are parts
-        of one recording.
-        """
-        start = self.start.copy()
-        if self.time is None:
-            return start
-        steps = np.diff(self.time)
-        # beyond the rounding of sums
-        most = steps[~start[1:]].max(initial=0.0) * (1.0 + 1e-6)
-        start[1:] &= (steps < 0.0) | (steps > most)
-        return start
+        """Return which rows have an unknown past, (T,) bool: the first ones of recordings."""
+        return self.start if self.time is None else rates.begins(self.recording)
 
     @property
     def clock(self) -> np.ndarray:
@@ -214,7 +212,7 @@ class Measurement(Told):
 
         With a ``reason`` the others are counted in ``dropped``.
         """
-        names = ('strain', 'pressure', 'force', 'trial', 'strain_rate', 'direction',
+        names = ('strain', 'pressure', 'force', 'trial', 'recording', 'strain_rate', 'direction',
                  'direction_basis')
         picked = {name: getattr(self, name)[keep] for name in names}
         dropped = dict(self.dropped)
@@ -392,7 +390,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
               *checks.odd_signs(strain, pressure, force)]
     still = np.zeros(len(force), int)
     measured = Measurement(
-        name, strain, pressure, force, of_row, time=None, strain_rate=np.zeros(len(force)),
+        name, strain, pressure, force, of_row, of_row, time=None, strain_rate=np.zeros(len(force)),
         rate_noise=0.0, direction=still, direction_basis=still, trial_names=trials.names,
         motor_units=tuple(motor_units), notes=tuple(notes), dropped=dropped, first_dropped=lost)
     if time is None:
@@ -410,8 +408,9 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     rate, rate_noise, _ = rates.slope(time, strain, of_row)
     rate = named.get('strain_rate', rate)
     direction, basis = _directions(time, strain, pressure, of_row, rate, rate_noise)
-    return replace(measured, time=time, strain_rate=rate, rate_noise=rate_noise,
-                   direction=direction, direction_basis=basis, notes=tuple(notes))
+    return replace(measured, recording=recordings_of(time, of_row), time=time, strain_rate=rate,
+                   rate_noise=rate_noise, direction=direction, direction_basis=basis,
+                   notes=tuple(notes))
 
 
 def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarray | None,

@@ -15,7 +15,7 @@ does not push out what it did once. Stretches that follow each other without a g
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -183,8 +183,10 @@ class Memory:
             label.append(np.full(len(rows), trial))
         rows = np.concatenate(parts) if parts else np.zeros((0, 3 + len(self._names)))
         begin = rows[0, 0] if len(rows) else 0.0
-        return build(name, rows[:, 1], rows[:, 3:], rows[:, 2],
+        data = build(name, rows[:, 1], rows[:, 3:], rows[:, 2],
                      np.concatenate(label) if parts else None, rows[:, 0] - begin, self._names)
+        # in a gap the muscle moved as well, unlike in a pause of a log
+        return replace(data, recording=data.trial)
 
     def _break(self) -> None:
         """Begin a new stretch that does not follow the one before."""

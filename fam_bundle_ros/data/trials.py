@@ -16,7 +16,8 @@ from fam_bundle_ros.errors import InputError
 MIN_ROWS = 12
 #: Rows closer in time than this share of the usual step came in one packet.
 _PACKET = 0.1
-#: s: a longer step is a pause of the log, if the usual step is far shorter.
+#: s: a longer step is a pause of the log, if the usual step is far shorter; what the muscle did in
+#: it is not known.
 _PAUSE = 5.0
 #: Times that go back by at most so many usual steps: the rows were written out of order.
 _SWAPPED = 3.0
@@ -72,6 +73,24 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
     if time is not None:
         _refuse_disorder(name, time[order], index, tuple(names), rows[order])
     return Trials(index, tuple(names), order, [])
+
+
+def recordings_of(time: np.ndarray, trial: np.ndarray) -> np.ndarray:
+    """
+    Return the recording of each row, (T,) int: trials between which the clock runs on are one.
+
+    It runs on where it does not go back, and pauses no longer than `_PAUSE`, or than between two
+    rows of a trial: while the pressure is set between two sweeps the muscle remembers.
+
+    Examples
+    --------
+    >>> time, trial = 0.1 * np.arange(6), np.repeat([0, 1, 2], 2)
+    >>> recordings_of(time + np.repeat([0.0, 1.0, 99.0], 2), trial)
+    array([0, 0, 0, 0, 1, 1])
+    """
+    step, change = np.diff(time), np.diff(trial) != 0
+    most = max(_PAUSE, float(step[~change].max(initial=0.0))) * (1.0 + 1e-6)  # rounding of sums
+    return np.append(0, np.cumsum(change & ((step < 0.0) | (step > most))))
 
 
 def _of_clock(name: str, time: np.ndarray | None, rows: np.ndarray) -> Trials:

@@ -234,7 +234,7 @@ class Searched:
         base = fitter.without_discrepancy(null) if likely else physics
         finding = judge(self.search, base, chosen, physics, found, held,
                         artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets),
-                        likely)
+                        likely, self.comparison.slips)
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
         return Judged(chosen, found, physics, base, held, finding)

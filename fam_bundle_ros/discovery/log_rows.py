@@ -16,7 +16,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.sparse import csr_array
 
 from fam_bundle_ros.data.measurement import BY_STRAIN, Measurement
-from fam_bundle_ros.data.rates import sample_noise, signal_step, slope, turning
+from fam_bundle_ros.data.rates import begins, sample_noise, signal_step, slope, turning
 
 #: Neighbours of a row on each side, and the distance of a spike from their median in noise
 #: standard deviations.
@@ -171,11 +171,11 @@ def stretches(data: Measurement, most: int, count: int = 12) -> Measurement:
     if len(data) <= 1.25 * most:
         return data
     length = most // count
-    begins = np.linspace(0, len(data) - length, count).astype(int)
-    rows = np.concatenate([np.arange(begin, begin + length) for begin in begins])
+    firsts = np.linspace(0, len(data) - length, count).astype(int)
+    rows = np.concatenate([np.arange(first, first + length) for first in firsts])
     piece = np.repeat(np.arange(count), length)
     picked = data.select(rows)
-    _, trial = np.unique(np.column_stack([piece, picked.trial]), axis=0, return_inverse=True)
-    trial = np.cumsum(np.diff(trial.ravel(), prepend=trial.ravel()[0]) != 0)
-    return replace(picked, trial=trial, trial_names=tuple(
+    trial, recording = (np.cumsum(begins(piece, each)) - 1
+                        for each in (picked.trial, picked.recording))
+    return replace(picked, trial=trial, recording=recording, trial_names=tuple(
         f'stretch {k + 1}' for k in range(int(trial.max()) + 1)))

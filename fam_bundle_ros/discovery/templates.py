@@ -25,6 +25,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, catalogue, Effect, Parameter
 from fam_bundle_ros.model.expression import expression_law, usual_place
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING
+from fam_bundle_ros.model.scan import affine_scan
 
 
 @dataclass(frozen=True)
@@ -240,11 +241,11 @@ def _add_motion(add: Any, cells: Cells, residual: np.ndarray, e: np.ndarray,
     moving = ~data.start
     speed[moving] = np.diff(total)[moving[1:]] / np.maximum(dt[moving], 1e-9)
     add(speed, 'with the rate of the pressure', 'N*s/Pa', 'pressure_rate')
-    restart = data.restart
+    passed = np.where(data.restart, np.inf, dt)
     names = ((e, 'strain', 'N'), (total, 'pressure', 'N/Pa'), (force, 'force', ''))
     for signal, words, unit in names:
         for steps in (4, 16, 64, 256, 1024):
-            slow_part = _lagged(signal, restart, steps)
+            slow_part = _lagged(signal, passed, steps * usual)
             add(slow_part - signal, f'decays over {steps * usual:.3g} s after {words} changes',
                 unit, 'decay')
     _add_hum(add, cells, residual, time if continuing else own)
@@ -281,14 +282,13 @@ def _add_hum(add: Any, cells: Cells, residual: np.ndarray, time: np.ndarray) -> 
         f'periodic in time, every {1.0 / frequency[top]:.3g} s', 'N', 'hum')
 
 
-def _lagged(signal: np.ndarray, start: np.ndarray, steps: int) -> np.ndarray:
-    from scipy.signal import lfilter
-    a = 1.0 / (1.0 + steps)
-    result = np.empty_like(signal)
-    for rows in np.split(np.arange(len(signal)), np.flatnonzero(start)[1:]):
-        first = signal[rows[0]]  # without it a constant stays constant to the last bit
-        result[rows] = first + lfilter([a], [1.0, a - 1.0], signal[rows] - first)
-    return result
+def _lagged(signal: np.ndarray, dt: np.ndarray, time_constant: float) -> np.ndarray:
+    """Return the signal behind a first-order lag; where the step ``dt`` is infinite, without."""
+    new = 1.0 / (1.0 + time_constant / np.maximum(dt, 1e-12))
+    start = np.isinf(dt)
+    first = signal[np.maximum.accumulate(np.where(start, np.arange(len(signal)), 0))]
+    # less its first value a constant stays constant to the last bit
+    return first + affine_scan(0.0, 1.0 - new, new * (signal - first))
 
 
 def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:

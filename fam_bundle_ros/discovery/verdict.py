@@ -156,6 +156,9 @@ class Finding:
     faint : float, N
         Size of a smooth discrepancy that the evidence needs but that is below half the noise of a
         row; 0 for none.
+    slips : tuple of str
+        Slips of unit, sign or ambient pressure that the data probably have: until they are
+        settled an effect is named with a doubt.
     """
 
     verdict: str
@@ -164,6 +167,7 @@ class Finding:
     warnings: tuple[str, ...] = ()
     artefacts: tuple[Artefact, ...] = ()
     faint: float = 0.0
+    slips: tuple[str, ...] = ()
 
     @property
     def named(self) -> bool:
@@ -186,11 +190,12 @@ def shown_probability(finding: Finding, probability: float, named: bool) -> floa
     if (finding.refusals or finding.verdict == 'unexplained'
             or not named and is_enough(probability)):
         return min(probability, 0.5)
-    return min(probability, DOUBTED if finding.warnings else 1.0)
+    return min(probability, DOUBTED if finding.warnings or finding.slips else 1.0)
 
 
 def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
-          held: HeldOut, artefacts: Sequence[Artefact], likely: bool) -> Finding:
+          held: HeldOut, artefacts: Sequence[Artefact], likely: bool, slips: Sequence[str] = (),
+          ) -> Finding:
     """
     Return the verdict.
 
@@ -208,6 +213,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     likely : bool
         Whether the evidence named an effect before the test on held-out folds. If that test
         removed all effects, the verdict is `unexplained`, not `adequate`.
+    slips : sequence of str
+        As in `Finding`.
     """
     fitter, null, cells = search.fitter, search.null, search.fitter.cells
     after = remaining_discrepancy(fitter.covariance, chosen, physics)
@@ -237,8 +244,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
         verdict = 'unexplained'
     else:
         rest = structured or after.total > negligible(cells)
-        verdict = 'partial' if warnings or rest else 'missing_effect'
-    return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint)
+        verdict = 'partial' if warnings or slips or rest else 'missing_effect'
+    return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint, tuple(slips))
 
 
 def leaves_structure(search: Search, fit: Fit, physics: Fit) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.measurement import counted, Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery import settings
@@ -96,8 +96,9 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     if finding.verdict == 'partial':
         text += (f' take{s} the error from {error["recalibrated"]:.3g} to {error["best"]:.3g} N; '
                  + _left(finding, error['best']))
-        if finding.warnings:
-            text += '; caution: ' + '; '.join(finding.warnings)
+        cautions = [*(f'first settle this: {slip}' for slip in finding.slips), *finding.warnings]
+        if cautions:
+            text += '; caution: ' + '; '.join(cautions)
     elif finding.after.rough > settings.VISIBLE * error['best']:
         text += (f' explain{s} the error down to {error["best"]:.3g} N: more than the noise, but '
                  f'without a smooth shape and below {settings.SMALL:.0%} of the largest force')
@@ -163,6 +164,9 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     """
     if finding.artefacts:
         return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
+    if answer and finding.slips:
+        return Next('check the units, the signs and whether the pressure is absolute, and '
+                    'diagnose again')
     if answer:
         least_sure = min(answer, key=lambda change: posterior.of_label(change.label))
         tie = ties[0] if ties else (least_sure.label, '')
@@ -238,6 +242,12 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         if far:
             notes.append(f'{words} moves the geometry beyond its tolerances: '
                          + ', '.join(far) + ' tolerances')
+    anew = int(data.restart.sum()) - 1
+    remembers = [effect.name for effect in final.model.effects if effect.law.memory]
+    if anew and remembers and not data.is_static:
+        notes.append(f'the memory of {" and ".join(remembers)} starts anew at '
+                     f'{counted(anew, "trial")}: the clock pauses or goes back there, or a file '
+                     'begins')
     if ascends(data):
         notes.append('isobars were run in ascending order: effects of pressure and of time cannot '
                      'be separated')

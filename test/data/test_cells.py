@@ -134,7 +134,12 @@ def test_nines_that_stand_apart_are_no_reading(values, code):
 def test_rows_with_a_name_beside_each_value_are_called_as_the_lines_of_the_file():
     """A message about one leads to it in an editor, which counts from 1."""
     lines = ['boot ok', *(f'p:{k}.5bar F:{k}' for k in range(3)), 'reset', 'p:9.5bar F:9']
-    assert labelled('log', lines).rows.tolist() == [2, 3, 4, 6]
+    table = labelled('log', lines)
+    assert table.rows.tolist() == [2, 3, 4, 6]
+    assert table.notes == (
+        "1 line between the rows without a value for each of p, F, not read (the first is line 5: "
+        "'reset')",)
+    assert not labelled('log', lines[:4]).notes  # what stands above the rows is no lost reading
 
 
 def test_a_blank_label_is_of_the_trial_above_it():

@@ -77,6 +77,8 @@ def test_a_file_for_each_sensor_is_one_recording(muscle, tmp_path):
     assert np.allclose(data.strain, strain(slow), atol=1e-4)
     assert np.allclose(data.force, force(slow, muscle), atol=0.5)
     assert any('daq.csv, plc.csv: parts of one recording' in note for note in data.notes)
+    (advice,) = (note for note in data.notes if 'time=time 2 + 1.7 s' in note)
+    assert 'for example' in advice  # nothing in the data says 1.7 s
     whole = table(tmp_path / 'run.csv', 'time [s],strain,p [kPa],F [N]', TIME, strain(TIME),
                   pressure(TIME), force(TIME, muscle))
     assert [len(run) for run in read_recordings([whole, whole])] == [len(TIME)] * 2
@@ -91,6 +93,7 @@ def test_files_that_began_apart_are_brought_together_by_the_difference(told, mus
              table(tmp_path / 'mocap.csv', 'Time (s),strain', TIME, strain(TIME))]
     (data,) = read_recordings(files, recipe=Recipe(columns={'time': told}))
     assert len(data) == 370
+    assert not any('1.7 s' in note for note in data.notes)
     assert np.allclose(data.force, muscle(data.strain, data.pressure[:, 0]), atol=0.5)
 
 

@@ -75,6 +75,23 @@ def test_a_force_that_stands_still_while_the_muscle_moves_is_said(noisy, force, 
     assert ('N from row 101 to 125 while the muscle moves' in notes) == stuck
 
 
+@pytest.mark.parametrize('step', [0.0, 20.0])
+def test_a_cell_that_stops_within_the_slowest_sweep_is_said(muscle, step):
+    """No step of that sweep is among the faster half; a coarse cell may stay there by chance."""
+    lengths = [0.2, 0.15, 0.2, 0.07]
+    strain = np.concatenate([0.5 * top * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 150)))
+                             for top in lengths])
+    pressure = np.repeat([3e5, 2e5, 4e5, 6e4], 150)
+    force = muscle(strain, pressure) + 0.3 * np.random.default_rng(1).standard_normal(600)
+    stuck = np.where(np.arange(600) >= 460, force[460], force)
+    if step:
+        force = stuck = step * np.round(force / step)
+    whole, lost = (' '.join(build('log', strain, pressure, each, time=0.1 * np.arange(600)).notes)
+                   for each in (force, stuck))
+    assert 'is constant' not in whole
+    assert ('N from row 461 to 600 while the muscle moves' in lost) == (step == 0.0)
+
+
 @pytest.mark.parametrize('sign', [1, -1])
 def test_a_force_beyond_the_range_of_its_sensor_is_said(noisy, sign):
     """Its largest value comes back at several visits, all others differ; below may be a floor."""

@@ -112,6 +112,26 @@ def test_a_text_that_turns_binary_far_down_fails(log, tmp_path):
         read_measurement(tmp_path / 'a.csv', rest_length=REST)
 
 
+def test_the_minus_sign_of_typesetting_is_a_minus(log, tmp_path):
+    """As a spreadsheet or a text processor writes it, with a decimal comma too."""
+    shifted = {**log, 'force': log['force'] - 20.0}
+    rows = text([HEAD], cells(shifted)).replace('-', '\u2212')
+    assert '\u2212' in rows
+    (tmp_path / 'a.csv').write_text(rows, encoding='utf-8')
+    same(read_measurement(tmp_path / 'a.csv', rest_length=REST), shifted)
+
+
+@pytest.mark.parametrize('words', [
+    'stopped by operator\t1\t2\t3\t4\t5\t6', 'Test ended', '1.2s\t3.0\t4.0\t5.0'])
+def test_words_between_the_rows_of_an_lvm_file_are_told_with_their_line(words, log, tmp_path):
+    """A footer of one run, or a damaged time: one sentence, not the traceback of a library."""
+    lines = lvm(log, 'One').splitlines()
+    lines.insert(60, words)
+    (tmp_path / 'a.lvm').write_text('\n'.join(lines))
+    with pytest.raises(InputError, match=f"a.lvm, line 61: '{words}'; expected numbers"):
+        read_measurement(tmp_path / 'a.lvm', rest_length=REST)
+
+
 def test_a_measurement_knows_the_digest_of_its_file(log, tmp_path):
     """What a report says was read can be checked."""
     (tmp_path / 'a.csv').write_text(text([HEAD], cells(log)))

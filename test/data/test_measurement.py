@@ -12,6 +12,7 @@ import pytest
 from fam_bundle_ros import data as data_package
 from fam_bundle_ros.data.bagfile import bag_table
 from fam_bundle_ros.data.checks import ranges
+from fam_bundle_ros.data.joined import join
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.rates import slope, smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
@@ -249,16 +250,31 @@ def test_a_bag_of_other_topics_is_read_as_a_table(tmp_path):
 
 
 @pytest.mark.parametrize(('pause', 'pressure', 'on'), [
-    (0.0, 0.0, True), (0.5, 0.0, False), (-30.0, 0.0, False), (0.0, 5e4, True)])
+    (0.0, 0.0, True), (1.0, 5e4, True), (6.0, 0.0, False), (-30.0, 0.0, False), (0.0, 5e4, True)])
 def test_the_past_is_known_across_trials_of_one_recording(pause, pressure, on):
-    """Not where the clock jumps or begins anew: then something happened in between."""
+    """
+    The muscle remembers while a pressure is set; a clock that begins anew says nothing of it.
+
+    Nor does a pause that would begin a trial in a log without a column for them.
+    """
     time, second = 0.01 * np.arange(4000), np.arange(4000) >= 2000
     wave = np.sin(0.4 * time)
     data = build('two parts', 0.1 + 0.05 * wave, 2e5 + 1e5 * wave
                  + pressure * second, 50.0 + wave, second.astype(int), time + pause * second)
     assert data.start.sum() == 2
-    assert np.flatnonzero(data.restart).tolist() == [0] if on else [0, 2000]
+    assert np.flatnonzero(data.restart).tolist() == ([0] if on else [0, 2000])
+    whole = build('no trials', data.strain, data.pressure, data.force, None, data.time)
+    assert (whole.restart == data.restart).all()
     assert np.array_equal(replace(data, time=None).restart, data.start)
+
+
+def test_what_a_muscle_did_between_two_files_is_not_known():
+    """Rows 2 s apart make no recording of two, which are joined with a minute between them."""
+    time = 2.0 * np.arange(60)
+    one = build('one', 0.1 + 0.05 * np.sin(time), np.full(60, 2e5), 50.0 + np.sin(time),
+                np.arange(60) // 20, time)
+    assert np.flatnonzero(one.restart).tolist() == [0]
+    assert np.flatnonzero(join([one, one]).restart).tolist() == [0, 60]
 
 
 def test_a_measurement_survives_the_way_into_a_bag_and_back(sweeps, tmp_path):

@@ -150,6 +150,14 @@ def test_a_part_can_be_asked_for_and_forgotten(memory):
     assert memory.oldest == pytest.approx(6.0, abs=0.5)
 
 
+def test_what_moved_in_a_gap_is_no_known_past(memory):
+    """Unlike in a pause of a log, which is as long."""
+    swept(memory, 0.0, 4.0)
+    swept(memory, 7.0, 10.0)
+    data = memory.measurement()
+    assert data.start.sum() == data.restart.sum() == 2
+
+
 def test_too_little_fails(memory):
     """An empty memory says how many rows there are; one that makes no sense is refused."""
     with pytest.raises(InputError, match='memory: only 0 rows'):

@@ -52,8 +52,7 @@ def make_sweeps(paper_muscle):
         trial = np.repeat(np.arange(len(levels)), 80)
         time = np.concatenate([clock + k * (clock[-1] + 3) for k in range(len(levels))])
         from fam_bundle_ros.model import Motion
-        start = np.diff(trial, prepend=-1) != 0
-        force = model.predict(Motion(strain, pressure, rate, time, start))
+        force = model.predict(Motion(strain, pressure, rate, time))
         if extra is not None:
             force = force + extra(strain, pressure[:, 0], np.sign(rate), time)
         force = force + noise * rng.standard_normal(len(force))

@@ -377,6 +377,19 @@ def test_exchanged_columns_are_a_slip_or_unexplained(sweeps, paper_muscle):
     assert no_name_above_half(result) or result.comparison.slips
 
 
+def test_what_stands_for_an_absolute_pressure_is_named_with_a_doubt(sweeps, paper_muscle):
+    """A threshold of 101 kPa explains it to the noise: first settle the pressure."""
+    data = sweeps(cycles=1)
+    kept = data.pressure[:, 0] > 60e3
+    absolute = build('absolute', data.strain[kept], data.pressure[kept] + 101325.0,
+                     data.force[kept], data.trial[kept], data.time[kept])
+    result = diagnose(paper_muscle, absolute, choices=ALONE)
+    assert result.verdict == 'partial'
+    assert 'caution: first settle this: with pressures that are absolute' in result.summary
+    assert result.next_experiment.startswith('check the units')
+    assert max(entry.probability for entry in result.ranking) <= 0.9
+
+
 def test_two_muscles_in_one_file_are_unexplained(sweeps, paper_muscle):
     """Every other isobar is of a muscle half as thick again: no effect above one half."""
     other = paper_muscle.with_parameters({'geometry.radius': 9.5e-3,

@@ -176,12 +176,20 @@ def test_shapes_of_time_grow_from_zero_to_one_over_the_log(two_speeds, paper_mus
 def test_what_lags_follows_a_step_with_its_time_constant(steps):
     """Backward Euler of a first-order lag; a constant stays one to the last bit."""
     signal = np.concatenate([np.full(10, 3.0), np.full(290, 5.0), np.full(40, 2.48e5 / 3.0)])
-    start = np.isin(np.arange(340), (0, 300))
-    found = _lagged(signal, start, steps)
+    passed = np.where(np.isin(np.arange(340), (0, 300)), np.inf, 0.2)
+    found = _lagged(signal, passed, 0.2 * steps)
     assert (found[:10] == 3.0).all()
     assert (found[300:] == 2.48e5 / 3.0).all()
     left = (1.0 + 1.0 / steps) ** -np.arange(1.0, 291.0)
     assert_allclose(found[10:300], 5.0 - 2.0 * left)
+
+
+def test_what_lags_has_settled_after_a_pause():
+    """The row after it is a thousand time constants later, not the usual step."""
+    signal = np.append(np.full(10, 3.0), np.full(5, 5.0))
+    passed = np.where(np.arange(15) == 10, 1e4, 0.2)
+    passed[0] = np.inf
+    assert_allclose(_lagged(signal, passed, 10.0), signal, atol=3e-3)
 
 
 def test_how_fast_a_pressure_changes_is_its_difference_over_the_time(paper_muscle):

@@ -215,7 +215,7 @@ def test_where_nothing_is_missing_the_next_step_is_plain(verdict, rubber, words)
 def test_notes_say_what_was_left_out_and_what_moved_too_far():
     """Each once; nothing where nothing is odd."""
     data = log(1e5, 3e5, 2e5)
-    model = SimpleNamespace(predict=lambda motion: data.force - 0.5)
+    model = SimpleNamespace(predict=lambda motion: data.force - 0.5, effects=[])
     calm = SimpleNamespace(priors=BASE.priors, u=np.zeros(3), model=model)
     far = SimpleNamespace(priors=BASE.priors, u=np.array([0.0, -3.2, 9.0]), model=model)
     floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
@@ -242,6 +242,22 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     assert hung[0].startswith(f'the force is constant ({data.force.mean():.3g} N)')
     assert '100 N are 0.5 of strain' in hung[0]
     assert len(hung) == 2
+
+
+@pytest.mark.parametrize(('apart', 'effect', 'told'), [
+    (120.0, 'viscoelastic_relaxation', 'starts anew at 2 trials: '),
+    (21.0, 'viscoelastic_relaxation', ''),
+    (120.0, 'coulomb_friction', '')])
+def test_memory_that_starts_anew_is_told_of(paper_muscle, apart, effect, told):
+    """Only where the model remembers, and the past of a trial is not known."""
+    data = log(1e5, 3e5, 2e5)
+    data = build('log', data.strain, data.pressure, data.force, data.trial,
+                 np.tile(TIME, 3) + apart * data.trial)
+    cells = SimpleNamespace(data=data, label=data.trial, unused={}, stiffness=None)
+    fit = SimpleNamespace(priors=(), u=(), model=paper_muscle.with_effect(effect))
+    notes = notes_on(cells, SimpleNamespace(note=''), fit, fit,
+                     SimpleNamespace(kinds={'trial': (1.0, 1.0)}))
+    assert [told in note and effect in note for note in notes] == [True] * bool(told)
 
 
 def test_a_rival_is_the_likeliest_set_without_the_effect(monkeypatch):

@@ -156,6 +156,17 @@ def test_coulomb_loop_has_the_same_width_at_any_speed():
         assert_allclose(back - there, 2 * 2 * 4.0, rtol=1e-6)  # two muscles
 
 
+@pytest.mark.parametrize('name', ['coulomb_friction', 'stribeck_friction'])
+def test_dry_friction_is_no_damping_at_any_width_of_its_sign(name):
+    """A sweep over the range in 2 s has the friction of one in 0.2 s, within a hundredth."""
+    kind = catalogue.get(name)
+    widest = next(p.upper for p in kind.parameters if p.name == 'smoothing')
+    rubs = bundle_with(kind(smoothing=widest, **({'rise': 0.0} if 'stri' in name else {})))
+    slow, fast = (rubs.force(0.1, [2e5, 0.0], [rate]) - rubs.force(0.1, [2e5, 0.0])
+                  for rate in (0.1, 1.0))
+    assert_allclose(slow, fast, rtol=0.01)
+
+
 def test_presliding_rounds_the_corner_over_a_fixed_strain():
     """After a reversal half of the loop is crossed within the width, whatever the time taken."""
     bundle = Bundle('one', units(1), [mesh()]).with_effect(
@@ -211,13 +222,22 @@ def test_a_line_is_as_late_behind_a_ramp_as_its_time_constant_says(law, left):
 
 @pytest.mark.parametrize(('law', 'left'), [
     ('threshold_pressure', lambda ratio: np.maximum(ratio - 1.0, 0.0)),
-    ('soft_threshold', lambda ratio: ratio - 1.0 + np.exp(-ratio))])
+    ('soft_threshold', lambda ratio: ratio - (1.0 - np.exp(-ratio ** 1.5)) ** (2.0 / 3.0))])
 def test_a_threshold_is_lost_at_once_or_gradually(law, left):
     """Of a pressure in units of the threshold: what is left of it drives the braid."""
     threshold, ratio = 40e3, np.array([0.0, 0.3, 1.0, 2.0, 9.0])
     plain = Bundle('one', units(1), [mesh()])
     force = plain.with_effect(law, pressure=threshold).force(0.1, threshold * ratio[:, None])
     assert_allclose(force, plain.force(0.1, threshold * left(ratio)[:, None]), atol=1e-9)
+
+
+def test_a_soft_threshold_can_be_a_hyperbolic_tangent():
+    """Within a fiftieth of the threshold at any pressure; so do other muscles meet their braid."""
+    lost, pressure = 30e3, np.linspace(0.0, 3e5, 301)
+    plain = Bundle('one', units(1), [mesh()])
+    met = plain.with_effect('soft_threshold', pressure=lost, sharpness=1.7)
+    left = met.force(0.1, pressure[:, None]) / plain.force(0.1, [1.0])
+    assert_allclose(left, pressure - lost * np.tanh(pressure / lost), atol=0.02 * lost)
 
 
 def test_relaxation_is_that_of_a_standard_linear_solid():

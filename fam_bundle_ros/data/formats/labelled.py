@@ -16,6 +16,7 @@ import numpy as np
 
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.unit_names import is_unit
 
 _PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)[\'"]?\s*[:=]\s*'
@@ -54,4 +55,10 @@ def labelled(name: str, lines: Sequence[str]) -> Table | None:
     clock = [_CLOCK.match(lines[k]) for k in rows]
     if all(clock) and not any(recognise(key).quantity == 'time' for key in keys):
         columns = {'time': np.array([found[1] for found in clock if found], object), **columns}
-    return Table(name, 'text with a name beside each value', columns, units, np.array(rows) + 1)
+    read = set(rows)
+    lost = [k for k in range(rows[0], len(lines)) if k not in read and lines[k].strip()]
+    notes = (f'{counted(len(lost), "line")} between the rows without a value for each of '
+             f'{", ".join(keys)}, not read (the first is line {lost[0] + 1}: '
+             f"'{lines[lost[0]].strip()[:40]}')",) if lost else ()
+    return Table(name, 'text with a name beside each value', columns, units, np.array(rows) + 1,
+                 notes=notes)

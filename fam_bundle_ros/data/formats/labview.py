@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import is_number, seconds
+from fam_bundle_ros.data.cells import is_blank, is_number, seconds
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.arrays import flattened, of_arrays
 from fam_bundle_ros.data.formats.channels import filled_up, Series
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.layout import trimmed
 from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 
 _END = '***End_of_Header***'
@@ -39,7 +39,7 @@ def read_lvm(path: Path) -> Table:
     Raises
     ------
     InputError
-        For a file without channels or without rows.
+        For a file without channels or without rows, and one with words between its numbers.
     """
     pandas = library('pandas', f'{path.name}: reading it')
     lines = path.read_text(encoding=encoding_of(path), errors='replace').splitlines()
@@ -48,10 +48,16 @@ def read_lvm(path: Path) -> Table:
     decimal = ',' if re.search(r'^Decimal_Separator *\t\s*,', head, re.M) else '.'
     frames, rows, units = [], [], {'X_Value': 's'}
     for block in _blocks(lines, separator, decimal):
-        frame = pandas.read_csv(io.StringIO('\n'.join(block.lines)), sep=separator,
-                                decimal=decimal, header=None, index_col=False, names=block.names)
-        frames.append(_with_clocks(path.name, frame.drop(columns='Comment', errors='ignore'),
-                                   block.header))
+        try:
+            frame = pandas.read_csv(
+                io.StringIO('\n'.join(block.lines)), sep=separator, decimal=decimal, header=None,
+                index_col=False, names=block.names)
+            frames.append(_with_clocks(path.name, frame.drop(columns='Comment', errors='ignore'),
+                                       block.header))
+        except InputError:
+            raise
+        except ValueError as error:
+            raise _damage(path.name, block, separator, decimal, error) from error
         frames[-1]['trial'] = block.trial
         rows.append(block.first + np.arange(len(block.lines)))
         labels = block.header.get('Y_Unit_Label', [])
@@ -102,6 +108,17 @@ def _blocks(lines: list[str], separator: str, decimal: str) -> Iterator[_Block]:
             names, trial = unique(trimmed(cells)), trial + 1
         elif rows or any(cells):
             rows.append(line)
+
+
+def _damage(name: str, block: _Block, separator: str, decimal: str, error: ValueError,
+            ) -> InputError:
+    """Return the error for a block that pandas cannot read: the first line that is no row."""
+    for at, line in enumerate(block.lines, block.first):
+        first = line.split(separator)[0].strip()
+        if not (is_blank(first) or is_number(first, decimal)):
+            return InputError(f"{name}, line {at}: '{line.strip()[:40]}'; expected numbers")
+    return InputError(f'{name}: cannot be read as .lvm from line {block.first} on '
+                      f'({in_short(error)[:80]})')
 
 
 def _with_clocks(name: str, block: Any, header: dict[str, list[str]]) -> Any:

@@ -98,7 +98,7 @@ def _below_settings(grid: Sequence[Sequence[str]], rows: np.ndarray) -> int:
     while len(rows) > 1:
         first, then = grid[rows[0]], grid[rows[1]]
         over = [at for at, cell in enumerate(first) if with_unit(cell)]
-        between = 0 < rows[0] < len(grid) - 1 and all(
+        between = rows[0] > 0 and all(
             len(trimmed(row)) == 1 and row[0].endswith(':')
             for row in (grid[rows[0] - 1], grid[rows[0] + 1]))
         levels = len(over) > 1 and all(at < len(then) and is_number(then[at]) for at in over)

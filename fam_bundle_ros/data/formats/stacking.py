@@ -29,6 +29,10 @@ _TRIAL = re.compile(r'(?<!\w)([^\W\d_]+)[ _]?#?\d+(?!\w)\s*:?')
 #: A reading in a name: '1.5 bar', 'F at 200 kPa [N]'.
 _LEVEL = re.compile(
     r'(?<![^\W_])(?<![.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?![^\W_])')
+#: What is assumed of parts of one recording until their clocks are told.
+ONE_CLOCK = ('the times of these parts are taken as one clock; if the clocks began apart, tell '
+             'the difference: for example, --columns "time=time 2 + 1.7 s" is for a second clock '
+             'that began 1.7 s after the first')
 
 
 class _Level(NamedTuple):
@@ -133,8 +137,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
     names = [table.name for table in tables]
     return Table(' + '.join(names), 'files side by side', columns, units, notes=(
         *(note for table in tables for note in table.notes),
-        f'{", ".join(names)}: parts of one recording, their times taken as of one clock; '
-        'if the second began 1.7 s later, tell it, --columns "time=time 2 + 1.7 s"'))
+        f'{", ".join(names)}: parts of one recording', ONE_CLOCK))
 
 
 def _blocks(table: Table) -> Table | None:

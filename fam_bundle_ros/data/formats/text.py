@@ -33,6 +33,8 @@ from fam_bundle_ros.extras import library
 _LONGEST, _SNIFFED = 1 << 16, 400
 #: Between the digits of 1'234 and 1\u202f234.
 _GROUPS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f](?=\\d{3}(?!\\d))")
+#: The minus sign of typesetting, before a number.
+_MINUS = re.compile('\u2212(?=[.,]?\\d)')
 #: 1 234,5.
 _SPACED = re.compile(r'[-+]?\d{1,3}( \d{3})+([.,]\d*)?')
 #: A quote that begins a cell and does not end on its line, and the most lines of such a header.
@@ -164,7 +166,7 @@ def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
     while line := stream.readline(_LONGEST):
         number += 1
         if "'" in line or not line.isascii():
-            line = _GROUPS.sub('', line)
+            line = _MINUS.sub('-', _GROUPS.sub('', line))
         if line[:1] in '[(':
             line = _TUPLE.sub(r'\1', line)
         if ' -> ' in line:

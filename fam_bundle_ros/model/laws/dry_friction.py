@@ -19,6 +19,10 @@ _PRESLIDING: dict[str, Any] = {
     'signature': 'the residual splits by direction of motion, its corners are rounded over a '
                  'fixed strain after each reversal, minor loops are smaller',
     'width': Parameter(0.01, '1', 5e-4, 0.1, 'strain over which a reversal is rounded')}
+#: Up to a sweep over a usual range, 20 %, in 10 s: dry friction is as large in slow sweeps as in
+#: fast ones (Chou and Hannaford 1996). Rounded over more it would be in proportion to the speed of
+#: most motions, which is damping.
+_SMOOTHING = Parameter(2e-3, '1/s', 1e-5, 0.02, 'strain rate at which the sign is rounded')
 #: Half width of the play (dead zone) of the strain in `presliding_dahl`.
 _NOISE = 2e-4
 
@@ -28,7 +32,7 @@ _NOISE = 2e-4
      source='Chou and Hannaford 1996 (threads rub, width independent of speed); tanh smoothing',
      signature='the residual splits by direction of motion and not by speed: loops of a constant '
                'width',
-     smoothing=Parameter(2e-3, '1/s', 1e-5, 1.0, 'strain rate at which the sign is rounded'))
+     smoothing=_SMOOTHING)
 def coulomb_friction(pressure, strain_rate, force_0, per_pressure, smoothing):
     """F = -(Fc + cP P) tanh((de/dt)/w), the smoothed sign of the rate."""
     return -_size(pressure, force_0, per_pressure) * np.tanh(strain_rate / smoothing)
@@ -40,7 +44,7 @@ def coulomb_friction(pressure, strain_rate, force_0, per_pressure, smoothing):
      signature='the residual splits by direction of motion, more so at low speeds',
      rise=Parameter(0.5, '1', 0.0, 5.0, 'ratio of friction at rest to that at speed, minus 1'),
      speed=Parameter(0.02, '1/s', 1e-4, 2.0, 'strain rate over which it falls'),
-     smoothing=Parameter(2e-3, '1/s', 1e-5, 1.0, 'strain rate at which the sign is rounded'))
+     smoothing=_SMOOTHING)
 def stribeck_friction(pressure, strain_rate, force_0, per_pressure, rise, speed, smoothing):
     """F = -(Fc + cP P) (1 + b exp(-(v/vs)^2)) tanh(v/w), v = de/dt."""
     more = 1.0 + rise * np.exp(-(strain_rate / speed) ** 2)

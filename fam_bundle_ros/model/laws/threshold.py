@@ -26,7 +26,15 @@ def threshold_pressure(pressure, lost):
 @law('pressure', **_FAMILY, variant_of='threshold_pressure', look=('orange', 'dash'),
      summary='threshold pressure that is lost gradually, while the bladder meets the braid',
      source='derived: smooth form of threshold_pressure',
-     signature='the error has the shape of dF/dP and grows from zero to a constant with pressure')
-def soft_threshold(pressure, lost):
-    """P -> P - Pth (1 - exp(-P/Pth)): the bladder meets the braid gradually."""
-    return lost * np.expm1(-np.maximum(pressure, 0.0) / np.maximum(lost, 1e-6))
+     signature='the error has the shape of dF/dP and grows from zero to a constant with pressure',
+     sharpness=Parameter(1.5, '1', 1.0, 6.0, 'how suddenly the braid takes hold'))
+def soft_threshold(pressure, lost, sharpness):
+    """
+    P -> P - Pth (1 - exp(-(P/Pth)^n))^(1/n): the bladder meets the braid gradually.
+
+    With n = 1.7 it is Pth tanh(P/Pth) within 2 % of Pth, with a large n `threshold_pressure`.
+    """
+    # above zero, where the root has a slope
+    share = np.maximum(pressure, 1e-3) / np.maximum(lost, 1e-6)
+    most = lost * (-np.expm1(-share ** sharpness)) ** (1.0 / sharpness)
+    return -np.minimum(np.maximum(pressure, 0.0), most)
