@@ -3,8 +3,7 @@
 """Gains of the strain loop, computed from the load and the lag of the loop."""
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from itertools import product
+from functools import lru_cache
 import math
 from typing import Any
 
@@ -29,16 +28,11 @@ _MIDDLING, _APART = 0.1, 0.01
 _STRAINS = np.linspace(0.0, 2.0 * _MIDDLING, 41)
 #: Least over largest stiffness that gains are computed for.
 _LEAST_SHARE = 0.005
-#: Candidate gains: on strain, over the stiffness; on its rate, over critical damping. Larger ones
-#: would be stable on slow heavy loads, but amplify noise: they need more air for the same error.
+#: Candidate gains: on strain, over the stiffness; on its rate, over critical damping.
 _GAINS = np.array([-1.0, -0.7, -0.5, -0.35, -0.25, -0.15, -0.07, 0.0, 0.1, 0.2, 0.35, 0.5, 0.7])
 _DAMPINGS = np.array([0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5])
 #: Candidate integral gains, over stiffness times natural frequency, or stiffness over lag if less.
 _INTEGRALS = np.logspace(-2.0, 0.0, 13)
-#: Candidates at which the search begins; an integral alone, the safest, is among them.
-_STARTS = tuple(product(range(1, len(_GAINS), 3), range(0, len(_DAMPINGS), 3)))
-#: Integral gains below the largest with a margin whose errors are compared.
-_LAST = 3
 #: Frequencies at which loops are evaluated, over the natural frequency.
 _FREQUENCIES = np.logspace(-2.7, 1.3, 250)
 
@@ -84,25 +78,17 @@ def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -
     s = 1j * natural * _FREQUENCIES
     plants = _plants(s, stiffnesses, inertia, damping)
     late = np.exp(-s * lag)
-
-    @cache
-    def best_integral(i: int, j: int) -> tuple[float, StrainGains]:
-        """Return cost and gains with the best integral; inf where every loop lacks the margin."""
-        gain = max(float(_GAINS[i]) * stiffness, -_SOFTENED * stiffnesses[0])
-        rate = 2.0 * float(_DAMPINGS[j]) * math.sqrt(stiffness * inertia)
-        control = (gain + integrals[:, None] / s + rate * s / (1.0 + RATE_LAG * s)) * late
-        costs = _costs(s, plants, control)
-        k = int(np.argmin(costs))
-        return float(costs[k]), StrainGains(gain, float(integrals[k]), rate)
-
-    place, before = min(_STARTS, key=lambda at: best_integral(*at)[0]), None
-    while place != before:
-        before, (i, j) = place, place
-        place = min(((i + a, j + b) for a in (0, -1, 1) for b in (0, -1, 1)
-                     if 0 <= i + a < len(_GAINS) and 0 <= j + b < len(_DAMPINGS)),
-                    key=lambda at: best_integral(*at)[0])
-    cost, best = best_integral(*place)
-    return best if cost < math.inf else StrainGains(0.0, 0.0, 0.0)
+    best, least_cost = StrainGains(0.0, 0.0, 0.0), math.inf
+    for share in _GAINS:
+        for ratio in _DAMPINGS:
+            gain = max(float(share) * stiffness, -_SOFTENED * stiffnesses[0])
+            rate = 2.0 * float(ratio) * math.sqrt(stiffness * inertia)
+            control = (gain + integrals[:, None] / s + rate * s / (1.0 + RATE_LAG * s)) * late
+            costs = _costs(s, plants, control)
+            k = int(np.argmin(costs))
+            if costs[k] < least_cost:
+                best, least_cost = StrainGains(gain, float(integrals[k]), rate), costs[k]
+    return best
 
 
 def _plants(s, stiffnesses, inertia, damping):
@@ -113,28 +99,21 @@ def _plants(s, stiffnesses, inertia, damping):
 
 
 def _costs(s, plants, control):
-    """
-    Return the squared error after a load step of each controller (K, F); inf without margin.
-
-    The controllers are in the order of their integrals, of which the error falls: only the last
-    `_LAST` before the margin is lost are evaluated.
-    """
+    """Return the squared error after a load step of each controller (K, F); inf without margin."""
     around = 1.0 + control[:, None] * plants
-    square = around.real ** 2 + around.imag ** 2
-    holds = np.logical_and.accumulate(square.min(axis=(1, 2)) >= _DISTANCE ** 2)
-    costs, end = np.full(len(control), np.inf), int(holds.sum())
-    if end == 0:
+    holds = np.abs(around).min(axis=(1, 2)) >= _DISTANCE
+    costs = np.full(len(control), np.inf)
+    if not holds.any():
         return costs
-    last = slice(max(end - _LAST, 0), end)
-    around = around[last]
+    around = around[holds]
     # s (1 + L) has no zeros in the right half plane if its total phase change is +90 degrees
     # (argument principle; it starts real and positive).
     turned = np.unwrap(np.angle(s * around), axis=-1)
     stable = np.all((np.abs(turned[..., 0]) < 0.5 * math.pi)
                     & (np.abs(turned[..., -1] - 0.5 * math.pi) < 0.5 * math.pi), axis=-1)
-    error = np.abs(plants / around / s) ** 2
-    whole = 0.5 * (error[..., 1:] + error[..., :-1]) @ np.diff(s.imag)
-    costs[last] = np.where(stable, whole.mean(axis=-1), np.inf)
+    square = np.abs(plants / around / s) ** 2
+    whole = 0.5 * (square[..., 1:] + square[..., :-1]) @ np.diff(s.imag)
+    costs[holds] = np.where(stable, whole.mean(axis=-1), np.inf)
     return costs
 
 
