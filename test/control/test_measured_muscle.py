@@ -16,7 +16,7 @@ from fam_bundle_ros.benchmarks.measured_muscle import (
     measured_plant,
     muscle_tables,
 )
-from fam_bundle_ros.benchmarks.plants import rest_force
+from fam_bundle_ros.benchmarks.plants import sweep
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.data import as_measurement
 from fam_bundle_ros.resources import config_path
@@ -38,11 +38,16 @@ def readings():
     return data.strain[pulls], data.pressure[pulls, 0], data.force[pulls]
 
 
+def at_rest(plant, strain, pressure):
+    """Return the force of two units at one pressure, N."""
+    return float(sweep(plant, np.array([strain]), np.full((1, 2), pressure))[0])
+
+
 @pytest.mark.parametrize('friction', [0.0, 2.5])
 def test_the_plant_pulls_as_was_measured(readings, friction):
     """Up to the steps of the table; elastic ends do not count twice where there is friction."""
     plant = measured_plant(diagnosed_bundle(2), Wrong(friction=friction))
-    found = [rest_force(plant, e, [p, p]) / 2.0 for e, p, _ in zip(*readings)]
+    found = [at_rest(plant, e, p) / 2.0 for e, p, _ in zip(*readings)]
     assert found == pytest.approx(readings[2], abs=3.0)
 
 
@@ -63,7 +68,7 @@ def test_where_it_was_slack_the_plant_pushes_back():
     plant = measured_plant(model, Wrong())
     for pressure in (0.0, 200e3):
         most = size * (2.0 + 10.0 * -np.expm1(-pressure / 140e3))
-        assert rest_force(plant, 0.24, [pressure] * 2) / 2.0 == pytest.approx(-most, rel=0.01)
+        assert at_rest(plant, 0.24, pressure) / 2.0 == pytest.approx(-most, rel=0.01)
 
 
 def test_gas_does_the_work_that_pressure_adds_to_the_force():
