@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Display of results in a shell and in a notebook."""
+"""Display of results in a shell and in a notebook, and words for them."""
 
 from html import escape
 
@@ -13,3 +13,8 @@ class Told:
 
     def _repr_html_(self) -> str:
         return f'<pre>{escape(str(self))}</pre>'
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number and a noun: `1 trial`, `2 trials`."""
+    return f'{number} {noun}{"s" * (number != 1)}'

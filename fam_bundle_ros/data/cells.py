@@ -48,7 +48,6 @@ _SCPI = (9.9e37, 9.91e37)
 _DAY = 86400.0
 
 
-
 def is_blank(cell: str) -> bool:
     """Return whether a cell holds no reading."""
     return cell.strip().casefold() in _BLANKS

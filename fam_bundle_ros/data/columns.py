@@ -31,13 +31,14 @@ from fam_bundle_ros.data.formats.channels import clocks_in
 from fam_bundle_ros.data.formats.heads import interval_of
 from fam_bundle_ros.data.formats.stacking import ONE_CLOCK
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.measurement import build, counted, Measurement, Taken
+from fam_bundle_ros.data.measurement import build, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.strains import RestLength, stated_rest_length, strain_of
 from fam_bundle_ros.data.told_columns import Choice, with_sums
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import counted
 
 #: A force without a unit may be in lbf beside one of these.
 _INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')

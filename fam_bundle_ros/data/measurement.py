@@ -31,7 +31,7 @@ from fam_bundle_ros.data.trials import (
     trials_of,
 )
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.told import Told
+from fam_bundle_ros.told import counted, Told
 
 #: More rows than this are refused before they are held in memory (about 0.5 GB of arrays).
 MAX_ROWS = 5_000_000
@@ -264,11 +264,6 @@ def pressure_labels(measurement: Measurement) -> list[str]:
 def labels_of(motor_units: Sequence[str]) -> list[str]:
     """Return the names of the pressures of motor units: `pressure` where there is one."""
     return ['pressure'] if len(motor_units) == 1 else [f'pressure.{name}' for name in motor_units]
-
-
-def counted(number: int, noun: str) -> str:
-    """Return a number and a noun: `1 trial`, `2 trials`."""
-    return f'{number} {noun}{"s" * (number != 1)}'
 
 
 def file_digest(path: str | Path) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from fam_bundle_ros.data.rates import begins, PAUSE_STEPS, usual_step
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import counted
 
 #: A comparison needs at least so many rows.
 MIN_ROWS = 12
@@ -123,8 +124,8 @@ def _new_trials(of_row: np.ndarray, time: np.ndarray, rows: np.ndarray) -> list[
               'read as a new trial' for first, at, step in zip([0, *begin], begin, steps)
               if step < 0.0 and time[at] - time[first] > 0.5 * (time[at - 1] - time[first])]
     counts = np.bincount(of_row)[1:].tolist()
-    return notes + [f'the clock goes back at row {rows[at]} for {count} row{"s" * (count != 1)}: '
-                    'read as a trial' for at, step, count in zip(begin, steps, counts)
+    return notes + [f'the clock goes back at row {rows[at]} for {counted(count, "row")}: read as '
+                    'a trial' for at, step, count in zip(begin, steps, counts)
                     if step < 0.0 and count < MIN_ROWS]
 
 

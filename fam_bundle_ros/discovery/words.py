@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.data.measurement import counted, Measurement
+from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery import settings
@@ -24,6 +24,7 @@ from fam_bundle_ros.discovery.posterior import Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding, is_enough
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.told import counted
 
 Ties = tuple[tuple[str, ...], ...]
 #: Most trades named in the summary; all are in a list of the diagnosis.

@@ -16,8 +16,8 @@ import numpy as np
 
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.unit_names import is_unit
+from fam_bundle_ros.told import counted
 
 _PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)[\'"]?\s*[:=]\s*'
                    r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'

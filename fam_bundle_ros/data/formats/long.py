@@ -21,10 +21,10 @@ from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
 from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.formats.unit_columns import in_one_unit, NAMES
 from fam_bundle_ros.data.grouping import earlier
-from fam_bundle_ros.data.measurement import counted
 from fam_bundle_ros.data.rates import begins
 from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import counted
 
 #: What columns of signal names, readings and units are called, their words joined.
 _SIGNAL = frozenset("""signal signalname signalid tag tagname tagid variable variablename varname

@@ -25,9 +25,10 @@ from fam_bundle_ros.data.formats.dialect import BLANK, Dialect, is_comment, snif
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import Table, unique
-from fam_bundle_ros.data.measurement import counted, MAX_ROWS
+from fam_bundle_ros.data.measurement import MAX_ROWS
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
+from fam_bundle_ros.told import counted
 
 #: Characters of a line, and lines that the layout is found on.
 _LONGEST, _SNIFFED = 1 << 16, 400
