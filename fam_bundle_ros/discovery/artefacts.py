@@ -3,7 +3,8 @@
 """
 Errors of a measurement that come from how it was taken, which no effect explains.
 
-Offsets between trials, loops in a map without time, vibration, and drift within the trials.
+Offsets between trials, loops in a map without time, rows that contradict each other, vibration,
+and drift within the trials.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.grouping import rms
+from fam_bundle_ros.data.grouping import rms, visit_cells
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
 from fam_bundle_ros.data.vibration import vibration
@@ -57,6 +58,8 @@ def artefacts(fitter: Fitter, chosen: Fit, physics: Fit, floor: NoiseFloor,
                               'tare the load cell before each trial and measure again'))
     if floor.hides_loops:
         found.append(Artefact(floor.note, 'log the time of each row and measure again'))
+    elif data.is_static:
+        found += _contradictions(fitter, chosen)
     if not data.is_static:
         found += [*_vibrations(fitter, chosen, physics)] or [*_drifts(fitter, chosen)]
     return tuple(found)
@@ -69,19 +72,35 @@ def drift(covariance: Covariance, fit: Fit) -> float:
     Where strain and pressures returned to a place, only what differs between its cells counts: an
     error that comes back is no drift, though a smooth function of time can follow it in a trial.
     """
+    return _over_time(covariance, fit)[0]
+
+
+def returning(covariance: Covariance, fit: Fit) -> float:
+    """Return the size of what a function of time follows, but is no `drift`, N rms."""
+    drifting, whole = _over_time(covariance, fit)
+    return float(np.sqrt(whole ** 2 - drifting ** 2))
+
+
+def _over_time(covariance: Covariance, fit: Fit) -> tuple[float, float]:
+    """Return the drift and the whole function of time in the discrepancy, N rms."""
     slow = fit.hyper._replace(even=0, odd=0, speed=0)
     found, cells = covariance.mean_of(slow, fit.hyper, fit.residual), covariance.cells
     steps = np.column_stack([cells.strain / cells.strain_range,
                              cells.pressure / cells.pressure_range])
     _, place = np.unique(np.round(steps * _PLACES), axis=0, return_inverse=True)
-    place = place.ravel()
+    whole, apart = rms(found), _within(place.ravel(), found)
+    return (whole if apart is None else min(whole, apart)), whole
+
+
+def _within(place: np.ndarray, values: np.ndarray) -> float | None:
+    """Return the standard deviation of values at one place, None if no place has several."""
     count = np.bincount(place)
     again = count[place] > 1
     if not again.any():
-        return rms(found)
-    apart = (found - (np.bincount(place, found) / count)[place])[again]
+        return None
+    apart = (values - (np.bincount(place, values) / count)[place])[again]
     free = int(again.sum()) - int((count > 1).sum())
-    return min(rms(found), float(np.sqrt(apart @ apart / free)))
+    return float(np.sqrt(apart @ apart / free))
 
 
 def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
@@ -96,6 +115,28 @@ def _left(cells: Cells, fit: Fit) -> np.ndarray:
     return cells.data.force - fit.model.predict(cells.motion)
 
 
+def _unexplained(fitter: Fitter, chosen: Fit) -> np.ndarray:
+    """Return the error of the used rows that neither effects nor discrepancy explain, N."""
+    cells = fitter.cells
+    kept = cells.label >= 0
+    smooth = fitter.covariance.mean_of(chosen.hyper._replace(slow=0), chosen.hyper,
+                                       chosen.residual)
+    return _left(cells, chosen)[kept] - smooth[cells.label[kept]]
+
+
+def _contradictions(fitter: Fitter, chosen: Fit) -> Iterator[Artefact]:
+    """Yield the difference of rows at one place of a map, if no law could neglect it."""
+    cells = fitter.cells
+    kept = cells.label >= 0
+    place, _ = visit_cells(cells.data.select(kept))
+    size = _within(place, _unexplained(fitter, chosen))
+    if size is not None and size > negligible(cells):
+        yield Artefact(
+            f'rows of the same strain, pressure and direction differ by {size:.3g} N rms, the noise '
+            f'is {cells.noise:.2g} N: two muscles in one file, or something that was not recorded',
+            'look at the rows of one strain and pressure, and log the time of each row')
+
+
 def _vibrations(fitter: Fitter, chosen: Fit, physics: Fit) -> Iterator[Artefact]:
     """
     Yield the vibration in what is left, if it is visible in the noise of rows.
@@ -106,11 +147,8 @@ def _vibrations(fitter: Fitter, chosen: Fit, physics: Fit) -> Iterator[Artefact]
     cells = fitter.cells
     kept = cells.label >= 0
     data = cells.data.select(kept)
-    smooth = fitter.covariance.mean_of(chosen.hyper._replace(slow=0), chosen.hyper,
-                                       chosen.residual)
     found = (vibration(data, _left(cells, physics)[kept], cells.noise)
-             or vibration(data, _left(cells, chosen)[kept] - smooth[cells.label[kept]],
-                          cells.noise))
+             or vibration(data, _unexplained(fitter, chosen), cells.noise))
     if found is not None and found.amplitude > np.sqrt(2.0) * settings.VISIBLE * cells.noise:
         yield Artefact(
             f'the force swings by {found.amplitude:.2g} N with a period of {found.period:.2g} s, '

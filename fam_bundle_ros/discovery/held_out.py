@@ -21,10 +21,6 @@ from fam_bundle_ros.discovery.rivals import BLIND, rival_error, RIVALS
 from fam_bundle_ros.discovery.surface import Surface
 from fam_bundle_ros.model import Bundle
 
-#: Iterations of the refit without a fold, which starts at the fit to all cells.
-_STEPS = 3
-
-
 @dataclass(frozen=True)
 class Unseen:
     """
@@ -202,13 +198,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
 
 def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return u and the residual of all cells after a refit to the training cells."""
-    whiten = fitter.covariance.whiten
-    sd = 1.0 / whiten(fit.hyper, np.ones(len(train)))[train]
-
-    def part(values: np.ndarray) -> np.ndarray:
-        return values[train] / (sd if values.ndim == 1 else sd[:, None])
-
-    return fitter.most_probable(fit.model, fit.priors, fit.point, part, _STEPS)[:2]
+    return fitter.of_some(fit, train)[:2]
 
 
 def _on_a_table(fitter: Fitter, model: Bundle, hyper: Hyper, train: np.ndarray, test: np.ndarray,

@@ -16,10 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fam_bundle_ros.data.folds import KINDS
 from fam_bundle_ros.data.grouping import pressure_speed, rms
 from fam_bundle_ros.data.measurement import BY_PRESSURE
 from fam_bundle_ros.discovery import settings
-from fam_bundle_ros.discovery.artefacts import Artefact
+from fam_bundle_ros.discovery.artefacts import Artefact, returning
 from fam_bundle_ros.discovery.cells import Cells, negligible
 from fam_bundle_ros.discovery.covariance import Covariance, GRID
 from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
@@ -45,7 +46,8 @@ class Left:
     Attributes
     ----------
     smooth : float
-        Its posterior mean over strain, pressure and direction.
+        Its posterior mean over strain, pressure and direction, and what a function of time
+        follows that comes back with them.
     rough : float
         White misfit beyond noise.
     beside : float
@@ -81,18 +83,20 @@ def remaining_discrepancy(covariance: Covariance, fit: Fit, physics: Fit) -> Lef
     """
     h = fit.hyper._replace(slow=0)
     rough = float(np.sqrt(covariance.variance(fit.hyper.white)))
-    if h.is_white:
+    if fit.hyper.is_white:
         return Left(0.0, rough, rough)
+    # a function of time that returns with strain and pressure is no drift
+    back = returning(covariance, fit)
     smooth = covariance.mean_of(h, fit.hyper, fit.residual)
     plausible = not (implausible_geometry(physics) or _impossible(physics))
 
     def square(weights: np.ndarray | None) -> float:
-        most = float(np.average(smooth ** 2, weights=weights))
+        most = float(np.average(smooth ** 2, weights=weights)) + back ** 2
         if not plausible:
             return most
         whole = float(np.average(physics.residual ** 2, weights=weights))
         return min(most, max(whole - rough ** 2, 0.0))
-    beside = float(np.sqrt(np.mean(smooth ** 2)))
+    beside = float(np.hypot(rms(smooth), back))
     return Left(float(np.sqrt(square(None))), rough, float(np.hypot(beside, rough)),
                 float(np.sqrt(square(covariance.cells.count) + rough ** 2)))
 
@@ -227,14 +231,15 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     if found and structured:
         refusals = (*refusals, *(f'{words}, and structure is left'
                                  for words in implausible_constants(physics).values()))
-    warnings = (*_warnings(physics, held), *_alike_at_one_rate(cells, found)) if found else ()
+    warnings = (*_warnings(physics, held), *_undetermined(held, negligible(cells)),
+                *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior
     if found and lost < settings.LEAST_LOSS:
         warnings = (*warnings, 'a smooth discrepancy in their place is nearly as probable '
                     f'(odds of {np.exp(lost):.2g} to 1)')
     warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
-        if artefacts or structured or likely:
+        if artefacts or structured or likely or after.total > negligible(cells):
             verdict = 'unexplained'
         else:
             moved = _needs_recalibration(search)
@@ -334,6 +339,13 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
         found.append('on held-out folds a six-parameter empirical form predicts better than the '
                      'effects')
     return tuple(found)
+
+
+def _undetermined(held: HeldOut, limit: float) -> tuple[str, ...]:
+    """Return a warning for each kind of folds whose error (N rms) is above a limit."""
+    return tuple(f'held-out {KINDS[kind]} are predicted with an error of {error:.3g} N: the data '
+                 'do not determine the effects there'
+                 for kind, (error, _) in held.kinds.items() if error > limit)
 
 
 def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:

@@ -163,11 +163,11 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     base : Fit
         The model recalibrated; the other parameters as in `diagnose`.
     """
-    if finding.artefacts:
-        return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
-    if answer and finding.slips:
+    if finding.slips:
         return Next('check the units, the signs and whether the pressure is absolute, and '
                     'diagnose again')
+    if finding.artefacts:
+        return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
     if answer:
         least_sure = min(answer, key=lambda change: posterior.of_label(change.label))
         tie = ties[0] if ties else (least_sure.label, '')

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.grouping import rms
-from fam_bundle_ros.discovery.artefacts import _drifts, drift
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery.artefacts import _drifts, drift, returning
 from fam_bundle_ros.discovery.cells import negligible, reduce
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.diagnose import diagnose
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.verdict import remaining_discrepancy
 
 #: An artefact is told whatever else is tried.
 ALONE = Choices(most=1)
@@ -49,6 +51,37 @@ def test_what_changes_with_time_only_is_the_drift(make_sweeps, paper_muscle):
     # a share of the largest force that no gauge shows is none
     assert [*_drifts(fitter, replace(drifting, residual=0.9 * negligible(cells) / size * slow))
             ] == []
+
+
+def test_what_a_function_of_time_follows_but_comes_back_is_left(make_sweeps, paper_muscle):
+    """The discrepancy of a set has it, and not what differs from visit to visit."""
+    cells = reduce(paper_muscle, make_sweeps(), most=60)
+    search = Search(Options(paper_muscle, cells, Choices()))
+    fit = replace(search.fit(search.options.own), hyper=Hyper(slow=11, tau=1))
+    covariance = search.fitter.covariance
+    wave = replace(fit, residual=20.0 * np.sin(30.0 * cells.strain))
+    slow = replace(fit, residual=20.0 * np.sin(cells.time / 33.0))
+    assert returning(covariance, wave) > 10.0 > 2.0 * returning(covariance, slow)
+    assert remaining_discrepancy(covariance, wave, wave).smooth == pytest.approx(
+        returning(covariance, wave))
+    without = replace(wave, hyper=Hyper(even=1))
+    assert returning(covariance, without) == 0.0
+
+
+@pytest.mark.parametrize('smaller', [1.0, 0.97])
+def test_two_muscles_in_one_map_contradict_each_other(paper_muscle, smaller):
+    """Every strain and pressure twice, row by row; a radius 3 % smaller is seen."""
+    strain, pressure = (grid.ravel() for grid in np.meshgrid(
+        np.linspace(0.0, 0.24, 13), np.linspace(69e3, 345e3, 5)))
+    size = paper_muscle.motor_units[0].geometry.radius
+    forces = [bundle.force(strain, pressure[:, None]) for bundle in (
+        paper_muscle, paper_muscle.with_parameters({'geometry.radius': smaller * size}))]
+    force = np.stack(forces, -1).ravel() + np.random.default_rng(1).normal(0.0, 0.3, 130)
+    both = build('two', np.repeat(strain, 2), np.repeat(pressure, 2)[:, None], force)
+    found = diagnose(paper_muscle, both, choices=ALONE)
+    said = found.summary.startswith('rows of the same strain, pressure and direction differ by')
+    assert said == (smaller < 1.0)
+    assert found.verdict == ('unexplained' if smaller < 1.0 else 'adequate')
 
 
 def test_vibration_of_the_rig_is_no_noise_and_no_effect(make_sweeps, paper_muscle):

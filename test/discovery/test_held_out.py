@@ -9,6 +9,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery import rivals
 from fam_bundle_ros.discovery.cells import Cells, reduce
@@ -22,8 +23,10 @@ from fam_bundle_ros.discovery.held_out import (
     squares_of_folds,
 )
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.model import load_model
 
 HELD = HeldOut(3.0, 4.0, {'mean': 12.0}, {'trial': (3.0, 4.0), 'strain': (5.0, 2.0)}, blind=6.0)
 
@@ -98,6 +101,31 @@ def test_the_held_out_error_is_that_of_refits_without_each_fold(fitted):
         total, rows = total + each[-1], rows + cells.count[gone].sum()
     assert squares_of_folds(fitter, fit) == pytest.approx(np.array(each) / rows, rel=0.1, abs=1e-3)
     assert held_out_physics(fitter, fit) == pytest.approx(np.sqrt(total / rows), rel=0.03)
+
+
+def test_a_fold_is_predicted_by_a_fit_that_has_never_seen_it(repository):
+    """
+    DMSP-20 at three strains: what the outer two say of the middle one is 60 N off.
+
+    A fit that starts at the one to all three is as probable there, and only 4 N off in the middle.
+    """
+    folder = repository / 'config' / 'data'
+    model = load_model(folder / 'dmsp20_static_map.model.yaml')
+    data = read_measurement(folder / 'dmsp20_static_map.csv')
+    three, outer = (data.select(np.abs(data.strain[:, None] - strains).min(axis=1) < 2e-3)
+                    for strains in ([0.0, 0.098, 0.25], [0.0, 0.25]))
+
+    def fitted(rows):
+        search = Search(Options.of(model, reduce(model, rows), Choices()))
+        return search.fitter, search.fitter.without_discrepancy(search.fit(
+            ('end_caps', 'mesh', 'saturating_sheath', 'tendon_slack', 'threshold_pressure')))
+    (fitter, fit), (_, alone) = fitted(three), fitted(outer)
+    middle = three.select(np.abs(three.strain - 0.098) < 2e-3)
+    truly = rms(middle.force - predict(alone.model, middle))
+    found, = [rms(fitter.of_some(fit, there)[1][gone])
+              for kind, there, gone in folds(fitter.cells) if kind == 'strain']
+    assert found == pytest.approx(truly, rel=0.1) == pytest.approx(63.0, rel=0.1)
+    assert rms(fit.residual) < 2.0
 
 
 def test_contributions_of_the_folds_add_up_to_the_mean_square_error(fitted):

@@ -25,6 +25,7 @@ from fam_bundle_ros.discovery.verdict import (
     _effect_of_pressure,
     _explained,
     _refusals,
+    _undetermined,
     _warnings,
     implausible_constants,
     is_needed,
@@ -33,6 +34,14 @@ from fam_bundle_ros.discovery.verdict import (
 )
 
 GOOD = HeldOut(1.0, 1.0, {'mean': 9.0, 'plane': 5.0, 'empirical': 2.0}, {})
+
+
+def test_what_is_not_predicted_is_not_determined():
+    """Each kind of folds whose error is not negligible is a caution, the others are none."""
+    held = replace(GOOD, kinds={'isobar': (1.9, 0.1), 'strain': (2.1, 0.1)})
+    assert _undetermined(held, 2.2) == ()
+    words, = _undetermined(held, 2.0)
+    assert words.startswith('held-out inner strain levels are predicted with an error of 2.1 N')
 
 
 @pytest.fixture(scope='module')
