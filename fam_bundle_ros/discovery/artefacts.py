@@ -132,8 +132,9 @@ def _contradictions(fitter: Fitter, chosen: Fit) -> Iterator[Artefact]:
     size = _within(place, _unexplained(fitter, chosen))
     if size is not None and size > negligible(cells):
         yield Artefact(
-            f'rows of the same strain, pressure and direction differ by {size:.3g} N rms, the noise '
-            f'is {cells.noise:.2g} N: two muscles in one file, or something that was not recorded',
+            f'rows of the same strain, pressure and direction differ by {size:.3g} N rms, the '
+            f'noise is {cells.noise:.2g} N: two muscles in one file, or something that was not '
+            'recorded',
             'look at the rows of one strain and pressure, and log the time of each row')
 
 

@@ -21,6 +21,7 @@ from fam_bundle_ros.discovery.rivals import BLIND, rival_error, RIVALS
 from fam_bundle_ros.discovery.surface import Surface
 from fam_bundle_ros.model import Bundle
 
+
 @dataclass(frozen=True)
 class Unseen:
     """

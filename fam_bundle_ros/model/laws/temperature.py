@@ -15,7 +15,7 @@ _REFERENCE = 293.15
      source='entropic rubber elasticity, 0.3 %/K; first-order warm-up derived',
      signature='the error drifts with clock time and follows the bladder force',
      off={'rise': 0.0},
-     rise=Parameter(10.0, 'K', -30.0, 80.0, 'change of temperature after the warm-up'),
+     rise=Parameter(10.0, 'K', -80.0, 80.0, 'change of temperature after the warm-up'),
      time_constant=Parameter(300.0, 's', 10.0, 5000.0, 'time constant of the warm-up'))
 def temperature(bladder, time, rise, time_constant):
     """
