@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Wrong units or signs within all ranges, found by a far better fit of the model without."""
+"""Wrong units, signs or columns within all ranges, found by a far better fit without them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -49,10 +49,18 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
         tries.append((rms(data.force - predict(vented)), rms(data.force),
                       'with pressures that are absolute, not gauge'))
     now = rms(residual)
-    if now > _GOOD * rms(data.force):  # a wrong unit of pressure makes a large error
+    if now > _GOOD * rms(data.force):  # these make a large error
         for factor, words in _PRESSURES:
             meant = predict(replace(data, pressure=factor * data.pressure))
             tries.append((rms(data.force - meant), rms(data.force), words))
+        back = replace(data, strain=data.strain.max() + data.strain.min() - data.strain)
+        tries.append((rms(data.force - predict(back)), rms(data.force),
+                      'with the strain turned round (positive when shorter)'))
+        if data.pressure.shape[1] == 1:
+            other = replace(data, force=1e-3 * data.pressure[:, 0],
+                            pressure=1e3 * data.force[:, None])
+            tries.append((rms(other.force - predict(other)), rms(other.force),
+                          'with force and pressure exchanged'))
     error, force, words = min(tries)
     if error > _BETTER * now or error > _GOOD * force:
         return ()

@@ -143,7 +143,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         moved={p.key: float(u) for p, u in zip(final.priors, final.u) if p.own},
         best=best, recalibrated=recalibrated, shapes_left=shapes,
         notes=tuple(dict.fromkeys(
-            (*data.notes, *finding.refusals, *finding.warnings, *doubts,
+            (*data.notes, *finding.notes, *doubts,
              *notes_on(cells, comparison.noise, base, final, held)))),
         rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
         held_out=held, recommended=recommended, leftover=leftover,

@@ -54,7 +54,7 @@ _STRAINS, _PRESSURES = 1e-3, 100.0
 #: Largest change of pressure during a stroke on an isobar, as a share of the pressure range.
 _ISOBAR = 0.2
 #: Readings up to this multiple of a motor unit's pressure limit are noise about the limit.
-_NOISE_MARGIN = 1.05
+NOISE_MARGIN = 1.05
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class _Range:
         self.low = min(max(low, LEAST_STRAIN), MOST_STRAIN - _RANGE)
         self.high = min(max(high, self.low + _RANGE), MOST_STRAIN)
         top, limit = np.maximum(data.pressure.max(axis=0), 0.0), model.max_pressure
-        top = np.where((top > limit) & (top < _NOISE_MARGIN * limit), limit, top)
+        top = np.where((top > limit) & (top < NOISE_MARGIN * limit), limit, top)
         self.top = top if top.max() > _PRESSURE else np.full(model.n, _PRESSURE)
         usual = (0.0 if data.is_static
                  else float(np.percentile(np.abs(data.strain_rate), 75)))

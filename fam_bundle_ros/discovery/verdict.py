@@ -178,6 +178,12 @@ class Finding:
         """Whether the chosen effects are part of the answer."""
         return self.verdict in ('missing_effect', 'partial')
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Refusals and warnings; without warnings about effects that are not named."""
+        return (*self.refusals, *(self.warnings if self.named else
+                                  (artefact.words for artefact in self.artefacts)))
+
 
 def is_enough(probability: float) -> bool:
     """Return whether the evidence alone would name an effect of this probability."""

@@ -16,7 +16,13 @@ from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.experiment import best_experiment, finer, plain, remedy_of
+from fam_bundle_ros.discovery.experiment import (
+    best_experiment,
+    finer,
+    NOISE_MARGIN,
+    plain,
+    remedy_of,
+)
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import Change, head
@@ -164,8 +170,8 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
         The model recalibrated; the other parameters as in `diagnose`.
     """
     if finding.slips:
-        return Next('check the units, the signs and whether the pressure is absolute, and '
-                    'diagnose again')
+        return Next('check the columns, the units, the signs and whether the pressure is '
+                    'absolute, and diagnose again')
     if finding.artefacts:
         return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
     if answer:
@@ -237,7 +243,8 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
                      'measure on a dynamometer, or with other weights')
     if not held.kinds:
         notes.append('the data have no folds to leave out: held-out errors are those of the fit')
-    for words, fit in (('the refit', final), ('recalibration alone', base)):
+    for words, fit in {id(final): ('the refit', final),
+                       id(base): ('recalibration alone', base)}.values():
         far = [f'{p.key} {u:+.1f}' for p, u in zip(fit.priors, fit.u)
                if abs(u) > 3.0 and p.key.startswith('geometry')]
         if far:
@@ -249,6 +256,11 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         notes.append(f'the memory of {" and ".join(remembers)} starts anew at '
                      f'{counted(anew, "trial")}: the clock pauses or goes back there, or a file '
                      'begins')
+    for unit, pressure, limit in zip(final.model.motor_units, data.pressure.T,
+                                     final.model.max_pressure):
+        if pressure.max() > NOISE_MARGIN * limit:
+            notes.append(f'{unit.name}: pressures up to {1e-3 * pressure.max():.4g} kPa are above '
+                         f'the max_pressure of the model, {1e-3 * limit:.4g} kPa')
     if ascends(data):
         notes.append('isobars were run in ascending order: effects of pressure and of time cannot '
                      'be separated')

@@ -52,6 +52,16 @@ def test_a_sign_and_an_absolute_pressure_are_told(told):
     assert absolute.startswith('with pressures that are absolute, not gauge')
 
 
+def test_columns_that_are_exchanged_or_turned_round_are_told(told, sweeps):
+    """Force and pressure in each other's place, in N and kPa; a length that grows when shorter."""
+    data = sweeps()
+    words, = told(force=lambda _: 1e-3 * data.pressure[:, 0],
+                  pressure=lambda _: 1e3 * data.force[:, None])
+    assert words.startswith('with force and pressure exchanged the model would be off by')
+    words, = told(strain=lambda strain: strain.max() + strain.min() - strain)
+    assert words.startswith('with the strain turned round (positive when shorter)')
+
+
 def test_what_is_no_slip_is_not_told(told):
     """Data as they are, a force off by a third, an offset: no other unit makes them fit."""
     assert told(force=1.0) == ()

@@ -388,7 +388,7 @@ def test_what_stands_for_an_absolute_pressure_is_named_with_a_doubt(sweeps, pape
     result = diagnose(paper_muscle, absolute, choices=ALONE)
     assert result.verdict == 'partial'
     assert 'caution: first settle this: with pressures that are absolute' in result.summary
-    assert result.next_experiment.startswith('check the units')
+    assert result.next_experiment.startswith('check the columns, the units')
     assert max(entry.probability for entry in result.ranking) <= 0.9
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is said of a measurement beside the answer."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,6 +22,7 @@ from fam_bundle_ros.discovery.words import (
     summarise,
     what,
 )
+from fam_bundle_ros.model import Bundle
 
 TIME = np.arange(0.0, 20.0, 0.1)
 STRAIN = 0.1 + 0.1 * np.sin(TIME)
@@ -215,7 +217,8 @@ def test_where_nothing_is_missing_the_next_step_is_plain(verdict, rubber, words)
 def test_notes_say_what_was_left_out_and_what_moved_too_far():
     """Each once; nothing where nothing is odd."""
     data = log(1e5, 3e5, 2e5)
-    model = SimpleNamespace(predict=lambda motion: data.force - 0.5, effects=[])
+    model = SimpleNamespace(predict=lambda motion: data.force - 0.5, effects=[],
+                            motor_units=[], max_pressure=[])
     calm = SimpleNamespace(priors=BASE.priors, u=np.zeros(3), model=model)
     far = SimpleNamespace(priors=BASE.priors, u=np.array([0.0, -3.2, 9.0]), model=model)
     floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
@@ -258,6 +261,22 @@ def test_memory_that_starts_anew_is_told_of(paper_muscle, apart, effect, told):
     notes = notes_on(cells, SimpleNamespace(note=''), fit, fit,
                      SimpleNamespace(kinds={'trial': (1.0, 1.0)}))
     assert [told in note and effect in note for note in notes] == [True] * bool(told)
+
+
+def test_pressures_above_the_models_limit_are_told_of(paper_muscle):
+    """Those that are noise about the limit are not."""
+    data = log(1e5, 3e5)
+    cells = SimpleNamespace(data=data, label=data.trial, unused={}, stiffness=None)
+    kinds = SimpleNamespace(kinds={'trial': (1.0, 1.0)})
+
+    def notes(limit):
+        unit = replace(paper_muscle.motor_units[0], max_pressure=limit)
+        model = Bundle('paper', [unit], paper_muscle.effects)
+        fit = SimpleNamespace(priors=(), u=(), model=model)
+        return notes_on(cells, SimpleNamespace(note=''), fit, fit, kinds)
+    assert notes(295e3) == ()
+    assert notes(250e3) == (
+        'mu1: pressures up to 300 kPa are above the max_pressure of the model, 250 kPa',)
 
 
 def test_a_rival_is_the_likeliest_set_without_the_effect(monkeypatch):
