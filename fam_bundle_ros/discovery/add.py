@@ -31,7 +31,7 @@ from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
-from fam_bundle_ros.discovery.predict import matched, predict
+from fam_bundle_ros.discovery.predict import matched, predict, stiffness
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
@@ -185,8 +185,9 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         physics.model.named(name or renamed(model.name, words or ['recalibrated'])), parameters,
         rms(residual))
     return Added(new, added, rms(data.force - predict(model, data)), rms(residual), held.physics,
-                 floor_of(data, residual), tuple(parameters), asked, replacing, tuple(removing),
-                 recommend(new, physics, chosen, held, search.fitter), log_odds, choices.odds)
+                 floor_of(data, residual, stiffness(new, data)), tuple(parameters), asked, replacing,
+                 tuple(removing), recommend(new, physics, chosen, held, search.fitter), log_odds,
+                 choices.odds)
 
 
 def _alone(search: Search, joint: Fit, data: Measurement) -> tuple[Fit, HeldOut, np.ndarray]:
@@ -330,8 +331,8 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
             'refitted_N': rms(residual), 'held_out_N': held.physics,
             'held_out_discrepancy_N': held.discrepancy,
             'effects': [effect.name for effect in model.effects], 'rows': len(own)})
-        residuals.append((own, residual))
-    best = min(residuals, key=lambda pair: rms(pair[1]))
+        residuals.append((own, residual, stiffness(model, own)))
+    best = min(residuals, key=lambda each: rms(each[1]))
     return Ladder(steps, floor_of(*best), data.name, held.rivals)
 
 

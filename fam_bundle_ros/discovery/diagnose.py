@@ -39,7 +39,7 @@ from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_p
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Change, family, Options
 from fam_bundle_ros.discovery.posterior import named, Posterior
-from fam_bundle_ros.discovery.predict import predict
+from fam_bundle_ros.discovery.predict import predict, stiffness
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
@@ -120,7 +120,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
             held_out(fitter, other, beside).of_rows(beyond), fitter)
         recommended = min(recommended, replace(likewise, others=True),
                           key=lambda each: each.held_out_N)
-    noise = floor_of(data, data.force - predict(best, data))
+    noise = floor_of(data, data.force - predict(best, data), stiffness(best, data))
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))
     doubts = () if finding.verdict == 'unexplained' else not_named(posterior, chosen, alike)
