@@ -23,7 +23,7 @@ from fam_bundle_ros.discovery.options import Change, head
 from fam_bundle_ros.discovery.posterior import Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding, is_enough
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Bundle, catalogue
 from fam_bundle_ros.told import counted
 
 Ties = tuple[tuple[str, ...], ...]
@@ -228,13 +228,16 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
                     if cells.rows > len(cells.label) else '')
         notes.append(f'{left_out} of {len(cells.label)} rows{averaged} are not used ({why}); on '
                      f'the others the best error is {_error_in_cells(cells, final.model):.3g} N')
-    if cells.stiffness is not None:
+    if cells.one_force:
+        assert cells.stiffness is not None
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "
                      f'{100.0 / np.median(cells.stiffness):.2g} of strain); mean, plane and '
                      'empirical form are a mean strain, a line and a cubic in the pressure')
-        notes.append('a single force determines neither the scale of the model nor a bias: '
-                     'measure on a dynamometer, or with other weights')
+        untried = ', '.join(name for name, law in catalogue.available().items()
+                            if law.is_of_force_alone and law.candidate)
+        notes.append('a single force determines neither the scale of the model nor a bias (not '
+                     f'tried: {untried}): measure on a dynamometer, or with other weights')
     if not held.kinds:
         notes.append('the data have no folds to leave out: held-out errors are those of the fit')
     for words, fit in (('the refit', final), ('recalibration alone', base)):

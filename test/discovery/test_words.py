@@ -221,7 +221,7 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
     label = np.arange(len(data)) // 3
     cells = SimpleNamespace(data=data, label=label, unused={'spikes': 3, 'odd': 4}, motion=None,
-                            stiffness=None, rows=600)
+                            one_force=False, rows=600)
     assert notes_on(cells, floor, calm, calm, kinds) == ()
     label[:7] = -1
     ripple = SimpleNamespace(note='a fine ripple')
@@ -236,11 +236,12 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     assert found[3] == ('the refit moves the geometry beyond its tolerances: geometry.radius '
                         '-3.2 tolerances')
     assert len(found) == 4
-    held = SimpleNamespace(data=data, label=label + 9, motion=None,
+    held = SimpleNamespace(data=data, label=label + 9, motion=None, one_force=True,
                            stiffness=np.array([100.0, 200.0, 400.0]))
     hung = notes_on(held, floor, calm, calm, kinds)
     assert hung[0].startswith(f'the force is constant ({data.force.mean():.3g} N)')
     assert '100 N are 0.5 of strain' in hung[0]
+    assert 'not tried: tendon_slack, force_floor, force_sensor_bias, force_sensor_gain' in hung[1]
     assert len(hung) == 2
 
 
@@ -253,7 +254,7 @@ def test_memory_that_starts_anew_is_told_of(paper_muscle, apart, effect, told):
     data = log(1e5, 3e5, 2e5)
     data = build('log', data.strain, data.pressure, data.force, data.trial,
                  np.tile(TIME, 3) + apart * data.trial)
-    cells = SimpleNamespace(data=data, label=data.trial, unused={}, stiffness=None)
+    cells = SimpleNamespace(data=data, label=data.trial, unused={}, one_force=False)
     fit = SimpleNamespace(priors=(), u=(), model=paper_muscle.with_effect(effect))
     notes = notes_on(cells, SimpleNamespace(note=''), fit, fit,
                      SimpleNamespace(kinds={'trial': (1.0, 1.0)}))
