@@ -158,6 +158,9 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     """
     Return the experiment that best separates the answer from its most probable rival.
 
+    If the odds of each effect against all sets without it are above those of a tie, no experiment
+    is needed to name the effects: measure what is left, or nothing.
+
     Parameters
     ----------
     base : Fit
@@ -168,11 +171,14 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if answer and finding.slips:
         return Next('check the units, the signs and whether the pressure is absolute, and '
                     'diagnose again')
+    certain = False
     if answer:
         least_sure = min(answer, key=lambda change: posterior.of_label(change.label))
         tie = ties[0] if ties else (least_sure.label, '')
         rival = _rival(posterior, tie, chosen)
-        if rival is not None:
+        probability, odds = posterior.of_label(least_sure.label), posterior.options.choices.odds
+        certain = not ties and probability > odds * (1.0 - probability)
+        if rival is not None and not certain:
             own = _labels(posterior, chosen)
             other = tie[1] or next((label for label in _labels(posterior, rival)
                                     if label not in own), 'the model without it')
@@ -184,7 +190,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                 why = (f'separates {tie[0]} from {other} '
                        f'(by {np.sqrt(best.separation):.0f} noise sd)')
                 return Next(f'{best.words}: {why}', replace(best.protocol, notes=why))
-    if finding.verdict == 'unexplained':
+    if finding.verdict in ('unexplained', 'partial'):
         shape = _shape(shapes, 'the error')
         return Next(f'measure where the error is largest again, in finer steps and at two speeds '
                     f'({shape})', finer(fitter.cells, chosen.model))
@@ -198,8 +204,12 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if fitter.cells.data.is_static:
         return Next('log a sweep up and down with time: a static map shows neither friction nor '
                     'memory', plain(fitter.cells, chosen.model))
-    return Next('none needed within this range; to test the model further, widen it (beyond free '
-                'strain, another speed)')
+    why = ''
+    if certain:
+        why = (f' to name {"it" if len(answer) == 1 else "them"}: the odds are more than '
+               f'{posterior.options.choices.odds:.3g} to 1 against all that was tried without')
+    return Next(f'none needed within this range{why}; to test the model further, widen the range '
+                '(beyond free strain, another speed)')
 
 
 def _labels(posterior: Posterior, fit: Fit) -> list[str]:
