@@ -278,11 +278,13 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
         probability = shown_probability(finding, posterior.of_label(label), label in chosen)
         law = catalogue.available().get(name)
+        beside = [] if label in chosen else [
+            other.label for other in search.options.changes(best.names) if other != change]
         entries.append(Candidate(
             label, name, family(name), probability, error,
             search.best.posterior - best.posterior, tuple(own),
             law.signature if law else '', replaces=change.old if change.new else '',
-            removes=not change.new))
+            removes=not change.new, beside=tuple(beside)))
     return tuple(entries)
 
 
