@@ -159,7 +159,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     Return the experiment that best separates the answer from its most probable rival.
 
     If the odds of each effect against all sets without it are above those of a tie, no experiment
-    is needed to name the effects: measure what is left, or nothing.
+    is needed to name the effects: measure what is left, or all of it more finely.
 
     Parameters
     ----------
@@ -204,12 +204,13 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if fitter.cells.data.is_static:
         return Next('log a sweep up and down with time: a static map shows neither friction nor '
                     'memory', plain(fitter.cells, chosen.model))
-    why = ''
     if certain:
-        why = (f' to name {"it" if len(answer) == 1 else "them"}: the odds are more than '
-               f'{posterior.options.choices.odds:.3g} to 1 against all that was tried without')
-    return Next(f'none needed within this range{why}; to test the model further, widen the range '
-                '(beyond free strain, another speed)')
+        test = finer(fitter.cells, chosen.model)
+        return Next(f'none needed to name {"it" if len(answer) == 1 else "them"}: the odds are '
+                    f'more than {posterior.options.choices.odds:.3g} to 1 against all that was tried '
+                    f'without; for narrower intervals, {test.name}', test)
+    return Next('none needed within this range; to test the model further, widen it (beyond free '
+                'strain, another speed)')
 
 
 def _labels(posterior: Posterior, fit: Fit) -> list[str]:

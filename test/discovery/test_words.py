@@ -100,8 +100,8 @@ def test_an_experiment_is_told_by_what_the_answer_has_not(monkeypatch, labels, o
 
 
 @pytest.mark.parametrize(('verdict', 'is_static', 'told'), [
-    ('missing_effect', False, 'none needed within this range to name it: the odds are more than '
-                              '20 to 1 against all that was tried without; '),
+    ('missing_effect', False, 'none needed to name it: the odds are more than 20 to 1 against all '
+                              'that was tried without; for narrower intervals, sweep in steps'),
     ('missing_effect', True, 'log a sweep up and down with time'),
     ('partial', False, 'measure where the error is largest again')])
 def test_no_experiment_is_asked_for_to_name_what_is_certain(monkeypatch, verdict, is_static, told):
@@ -111,12 +111,14 @@ def test_no_experiment_is_asked_for_to_name_what_is_certain(monkeypatch, verdict
     monkeypatch.setattr(words, 'best_experiment', separate)
     monkeypatch.setattr(words, '_rival', lambda posterior, tie, chosen: object())
     for design in ('finer', 'plain'):
-        monkeypatch.setattr(words, design, lambda cells, model: None)
+        monkeypatch.setattr(words, design, lambda cells, model: SimpleNamespace(
+            name='sweep in steps'))
     posterior = SimpleNamespace(of_label=lambda label: 0.96, options=TIED)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=is_static)))
     asked = next_experiment(fitter, posterior, Finding(verdict, Left(0.0, 0.2)), [DRY],
                             SimpleNamespace(model=None), (), (), BASE)
     assert asked.words.startswith(told)
+    assert asked.protocol.name == 'sweep in steps'
 
 
 def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatch):
