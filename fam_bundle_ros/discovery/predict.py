@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import ONE_STRAIN
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.rates import begins
@@ -90,7 +91,7 @@ def stiffness(model: Bundle, data: Measurement) -> np.ndarray | None:
     """
     slope = slope_in_strain(model, data)
     rising = slope > 0.0
-    if not rising.any():
+    if not rising.any() or np.ptp(data.strain) < ONE_STRAIN:
         return None
     usual = float(np.median(slope[rising]))
     force, _ = _within_passes(data, data.force)

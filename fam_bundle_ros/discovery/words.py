@@ -207,8 +207,8 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if certain:
         test = finer(fitter.cells, chosen.model)
         return Next(f'none needed to name {"it" if len(answer) == 1 else "them"}: the odds are '
-                    f'more than {posterior.options.choices.odds:.3g} to 1 against all that was tried '
-                    f'without; for narrower intervals, {test.name}', test)
+                    f'more than {posterior.options.choices.odds:.3g} to 1 against all that was '
+                    f'tried without; for narrower intervals, {test.name}', test)
     return Next('none needed within this range; to test the model further, widen it (beyond free '
                 'strain, another speed)')
 
