@@ -349,7 +349,7 @@ def counter(words: str) -> Iterator[Callable[..., None]]:
 def candidate_table(entries: Iterable[Any], title: str, probability: str) -> None:
     """Print the candidates of a diagnosis, each under its label."""
     table(('candidate', probability, 'error (N)', 'why'),
-          [(effect_name(c.effect, c.label), f'{c.probability:.2f}', c.error_N, c.reason)
+          [(effect_name(c.effect, c.label), f'{c.probability:.2f}', c.error_N, c.why)
            for c in entries], title, numeric=(1, 2))
 
 

@@ -31,7 +31,7 @@ from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
-from fam_bundle_ros.discovery.predict import matched, predict
+from fam_bundle_ros.discovery.predict import matched, predict, stiffness
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
@@ -87,12 +87,15 @@ class Added(Told):
 
     @property
     def doubt(self) -> str:
-        """A warning if the data do not support the change, else empty."""
+        """A warning if a smooth discrepancy explains the data nearly as well, or better."""
         if self.log_odds is None or self.log_odds >= math.log(self.least_odds):
             return ''
-        return (f'these data do not support the change: with it they are '
-                f'{math.exp(self.log_odds):.2g} times as probable as without it, '
-                f'{self.least_odds:.3g} times is asked for')
+        odds = math.exp(self.log_odds)
+        if odds < 1.0:
+            return (f'these data do not support the change: with it they are {odds:.2g} times as '
+                    'probable as without it')
+        return (f'caution: a smooth discrepancy in its place is nearly as probable (odds of '
+                f'{odds:.2g} to 1; {self.least_odds:.3g} to 1 would be clear)')
 
     @property
     def what(self) -> str:
@@ -140,9 +143,9 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     ----------
     model : Bundle
     effect : str, Effect, or several of them
-        Names in the catalogue, or effects (a user's own). An empty list only recalibrates. For a
-        name with several shapes the most probable shape is added, as in `diagnose`; an `Effect`
-        is added as it is.
+        Names in the catalogue, or effects (a user's own). An empty list only recalibrates. Of a
+        name with several shapes another shape is added only if it is more probable than the named
+        one by more than the odds of a tie (`Choices.odds`); an `Effect` is added as it is.
     measurement : Measurement, path, or DataFrame
     name : str, optional
         Name of the new model; by default that of the old model and of the effects.
@@ -185,7 +188,8 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         physics.model.named(name or renamed(model.name, words or ['recalibrated'])), parameters,
         rms(residual))
     return Added(new, added, rms(data.force - predict(model, data)), rms(residual), held.physics,
-                 floor_of(data, residual), tuple(parameters), asked, replacing, tuple(removing),
+                 floor_of(data, residual, stiffness(new, data)), tuple(parameters), asked,
+                 replacing, tuple(removing),
                  recommend(new, physics, chosen, held, search.fitter), log_odds, choices.odds)
 
 
@@ -224,18 +228,24 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
 
 def _best_shapes(search: Search, kept: set[str], asked: Sequence[str], open_: Sequence[str],
                  ) -> tuple[Fit, tuple[str, ...]]:
-    """Return the fit with the most probable shape of each effect, and the names of the shapes."""
+    """
+    Return the fit with the shape of each effect, and the names of the shapes.
+
+    The shape that was asked for, unless the most probable one is not tied with it.
+    """
     added = list(asked)
+    least = math.log(search.options.choices.odds)
     best = search.fit(tuple(sorted(kept | set(added))))
     for slot, name in enumerate(asked):
         if name not in open_:
             continue
+        named = best.posterior
         for shape in search.options.effects:
             if shape == name or head(shape) != name or shape in kept:
                 continue
             tried = [*added[:slot], shape, *added[slot + 1:]]
             fit = search.fit(tuple(sorted(kept | set(tried))))
-            if fit.posterior > best.posterior:
+            if fit.posterior > max(best.posterior, named + least):
                 best, added = fit, tried
     return best, tuple(added)
 
@@ -330,8 +340,8 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
             'refitted_N': rms(residual), 'held_out_N': held.physics,
             'held_out_discrepancy_N': held.discrepancy,
             'effects': [effect.name for effect in model.effects], 'rows': len(own)})
-        residuals.append((own, residual))
-    best = min(residuals, key=lambda pair: rms(pair[1]))
+        residuals.append((own, residual, stiffness(model, own)))
+    best = min(residuals, key=lambda each: rms(each[1]))
     return Ladder(steps, floor_of(*best), data.name, held.rivals)
 
 

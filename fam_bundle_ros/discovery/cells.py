@@ -10,7 +10,7 @@ rows and then averaged by the same operator, so averaging adds no error.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,8 +20,7 @@ from scipy.sparse import csr_array
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.mean_noise import mean_noise, MeanNoise
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import noise_floor
-from fam_bundle_ros.data.rates import CRAWL, sample_noise
+from fam_bundle_ros.data.rates import CRAWL, sample_noise, smooth
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.log_rows import (
     averages,
@@ -31,7 +30,14 @@ from fam_bundle_ros.discovery.log_rows import (
     thinned,
     unknown_direction,
 )
-from fam_bundle_ros.discovery.predict import matched, motion, stiffness
+from fam_bundle_ros.discovery.predict import (
+    is_one_force,
+    matched,
+    motion,
+    noise_of,
+    stiffness,
+    strain_noise,
+)
 from fam_bundle_ros.model import Bundle, Motion
 
 #: Numbers of bins over the range of strain and pressure to try, finest first.
@@ -68,7 +74,12 @@ class Cells:
     variance : ndarray, shape (n,), N^2
         Of the noise of the mean force of each cell.
     stiffness : ndarray, shape (n,), N, or None
-        -dF/de of the model if the force was constant and the strain was measured.
+        -dF/de of the model if the force of each pass was constant and the strain was measured:
+        residuals are then errors of the strain times this stiffness.
+    one_force : bool
+        Whether the force was the same in all of them.
+    strain_noise : ndarray, shape (n,), N
+        The part of `force` that is noise of the strain, see `predict.strain_noise`.
     rows : int
         Number of rows of the measurement, before neighbours were averaged.
     """
@@ -90,6 +101,8 @@ class Cells:
     strain_range: float
     pressure_range: np.ndarray
     stiffness: np.ndarray | None = None
+    one_force: bool = False
+    strain_noise: np.ndarray | float = 0.0
     rows: int = 0
 
     def __len__(self) -> int:
@@ -97,8 +110,9 @@ class Cells:
 
     @property
     def force_sd(self) -> float:
-        """Standard deviation of the force, N; at constant force, of strain times stiffness."""
-        if self.stiffness is not None:
+        """Standard deviation of the force, N; at one force, of strain times stiffness."""
+        if self.one_force:
+            assert self.stiffness is not None
             return rms(self.stiffness * (self.strain - self.strain.mean()))
         return max(float(np.std(self.force)), 1e-9)
 
@@ -173,9 +187,15 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     """
     most = most or settings.CELLS
     data, blurred = thinned(matched(model, measurement), settings.ROWS)
-    record = motion(data)
+    record, stiff = motion(data), stiffness(model, data)
+    one_force, unsmoothed = is_one_force(data, stiff), strain_noise(data, stiff)
+    if stiff is not None:
+        # as of the pressure, noise of the force must not enter the error of the strain
+        force = (data.force if data.time is None
+                 else smooth(data.time, data.force, data.trial))
+        data = replace(data, force=force + unsmoothed)
     residual = data.force - model.predict(record)
-    floor = noise_floor(data, residual)
+    floor = noise_of(data, residual, stiff)
     least = settings.LEAST_NOISE * float(np.abs(data.force).max())
     known = [value for value in (floor.differences, floor.repeats) if value]
     noise = max(min(known, default=0.0), least)
@@ -185,7 +205,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     else:
         label = (_places if data.is_static else visits)(
             data, data.direction, strain_range, pressure_range, most)
-    far, turns = spikes(data, residual, noise), unknown_direction(data)
+    far = spikes(data, residual, noise)
+    turns = unknown_direction(data, may_stick=stiff is not None)
     used = ~(far | turns | blurred)
     visit, label = label, _at_most(most, np.where(used, label, -1))
     left = (label < 0) & ~far
@@ -198,8 +219,6 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     count = np.bincount(label[label >= 0]).astype(float)
     mean = averages(label, len(count))
     found = mean_noise(residual[used], visit[used], floor) or MeanNoise(noise)
-
-    stiff = stiffness(model, data)
     rate = np.abs(mean(data.strain_rate))
     return Cells(data, record, label, {words: int(rows) for words, rows in unused.items() if rows},
                  count, mean(data.force), mean(data.strain),
@@ -208,7 +227,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  np.round(mean(data.trial.astype(float))),
                  None if data.time is None else mean(data.time), max(found.sd, least),
                  np.maximum(found.variance(count), least ** 2 / count), strain_range,
-                 pressure_range, None if stiff is None else mean(stiff), len(measurement))
+                 pressure_range, None if stiff is None else mean(stiff), one_force,
+                 mean(unsmoothed), len(measurement))
 
 
 def extent(data: Measurement) -> tuple[float, np.ndarray]:

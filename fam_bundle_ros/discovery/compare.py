@@ -27,14 +27,14 @@ from fam_bundle_ros.data.grouping import (
 )
 from fam_bundle_ros.data.mean_noise import mean_noise
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.unit_slips import slips
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import extent, visits
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.log_rows import spikes, stretches, unknown_direction
-from fam_bundle_ros.discovery.predict import free_mask, matched, predict, stiffness
+from fam_bundle_ros.discovery.predict import free_mask, matched, noise_of, predict, stiffness
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
 
@@ -170,11 +170,11 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     data = matched(model, data)
     prediction = predict(model, data)
     residual = data.force - prediction
-    floor = noise or floor_of(data, residual)
+    slope = stiffness(model, data)
+    floor = noise or floor_of(data, residual, slope)
     past_free = free_mask(model, data)
     maps = residual_maps(data, residual)
     lack = lack_of_fit(data, residual, floor)
-    slope = stiffness(model, data)
     return Comparison(
         model.name, data.name, rms(residual), float(residual.mean()),
         float(np.abs(residual).max()), rms(residual) / max(rms(data.force), 1e-12), floor, lack,
@@ -184,7 +184,7 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
         slips(partial(predict, model), data, residual))
 
 
-def floor_of(data: Measurement, residual: np.ndarray) -> NoiseFloor:
+def floor_of(data: Measurement, residual: np.ndarray, stiff: np.ndarray | None) -> NoiseFloor:
     """
     Return the noise floor of a measurement; of a log, with the noise that has a memory.
 
@@ -195,8 +195,10 @@ def floor_of(data: Measurement, residual: np.ndarray) -> NoiseFloor:
     ----------
     residual : ndarray, shape (T,), N
         Measured minus modelled force.
+    stiff : ndarray, shape (T,), N, or None
+        `predict.stiffness` of the model.
     """
-    floor = noise_floor(data, residual)
+    floor = noise_of(data, residual, stiff)
     if data.is_static or floor.differences is None or floor.basis == 'repeats':
         return floor
     few = stretches(replace(data, force=residual), settings.ROWS)

@@ -39,7 +39,7 @@ from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_p
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Change, family, Options
 from fam_bundle_ros.discovery.posterior import named, Posterior
-from fam_bundle_ros.discovery.predict import predict
+from fam_bundle_ros.discovery.predict import predict, stiffness
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
@@ -120,7 +120,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
             held_out(fitter, other, beside).of_rows(beyond), fitter)
         recommended = min(recommended, replace(likewise, others=True),
                           key=lambda each: each.held_out_N)
-    noise = floor_of(data, data.force - predict(best, data))
+    noise = floor_of(data, data.force - predict(best, data), stiffness(best, data))
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))
     doubts = () if finding.verdict == 'unexplained' else not_named(posterior, chosen, alike)
@@ -279,11 +279,13 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
         probability = shown_probability(finding, posterior.of_label(label), label in chosen)
         law = catalogue.available().get(name)
+        beside = [] if label in chosen else [
+            other.label for other in search.options.changes(best.names) if other != change]
         entries.append(Candidate(
             label, name, family(name), probability, error,
             search.best.posterior - best.posterior, tuple(own),
             law.signature if law else '', replaces=change.old if change.new else '',
-            removes=not change.new))
+            removes=not change.new, beside=tuple(beside)))
     return tuple(entries)
 
 

@@ -20,6 +20,7 @@ from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.hyperparameters import along_ridge, ascend, Value
 from fam_bundle_ros.discovery.linear import Linear, log_evidence, pinned
+from fam_bundle_ros.discovery.predict import STEP
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.model import Bundle, Motion
 
@@ -134,16 +135,21 @@ class Fitter:
         return self.covariance.cells
 
     def residual(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> np.ndarray:
-        """Return measured minus predicted force of the cells, (n,), N."""
+        """Return measured minus predicted force of the cells, (n,), N; see `in_strain`."""
         moved = with_coordinates(model, priors, u)
         motion, mean = self._seen_by(moved)
-        return self._off(mean(moved.predict(motion)))
+        if self.cells.stiffness is None:
+            return self._off(mean(moved.predict(motion)))
+        below, above = (mean(moved.predict(there)) for there in _beside(motion))
+        return in_strain(self.cells, self._off(0.5 * (below + above)), _slope(below, above))[0]
 
     def linearised(self, model: Bundle, priors: Sequence[Prior], u: np.ndarray,
                    kept: Mapping[str, np.ndarray] | None = None,
                    ) -> tuple[np.ndarray, np.ndarray]:
         """
         Return residual (n,) and derivatives of the predicted force in u (n, p), N.
+
+        Data at constant force are scored in strain, see `in_strain`.
 
         Parameters
         ----------
@@ -155,14 +161,27 @@ class Fitter:
         asked = [j for j, prior in enumerate(priors) if prior.key not in known]
         slope = np.array([priors[j].slope(u[j]) for j in asked])
         motion, mean = self._seen_by(moved)
-        force, columns = moved.jacobian(motion, [priors[j].key for j in asked])
+        keys = [priors[j].key for j in asked]
+        if self.cells.stiffness is None:
+            force, columns = map(mean, moved.jacobian(motion, keys))
+            residual = self._off(force)
+        else:
+            below, above = ([mean(each) for each in moved.jacobian(there, keys)]
+                            for there in _beside(motion))
+            stiff, bends = map(_slope, below, above)
+            off = self._off(0.5 * (below[0] + above[0]))
+            residual, share = in_strain(self.cells, off, stiff)
+            # d(r / S) = dr / S - r / S dS / S
+            columns = share[:, None] * 0.5 * (below[1] + above[1]) + (
+                share * (residual - self.cells.strain_noise) / self.cells.stiffness
+            )[:, None] * bends
         slopes = np.empty((len(self.cells), len(priors)), order='F')
-        columns = mean(columns) * slope
+        columns = columns * slope
         slopes[:, asked] = np.where(np.isfinite(columns), columns, 0.0)
         for j, prior in enumerate(priors):
             if prior.key in known:
                 slopes[:, j] = known[prior.key]
-        return self._off(mean(force)), slopes
+        return residual, slopes
 
     def _seen_by(self, model: Bundle) -> tuple[Motion, Callable[[np.ndarray], np.ndarray]]:
         """Return the motion for which a model is computed, and its averages over cells."""
@@ -366,6 +385,42 @@ class Fitter:
             h = better
         assert best is not None
         return best
+
+
+def in_strain(cells: Cells, off: np.ndarray, stiff: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the residual of cells at constant force, (n,), N, and its ratio to the error of force.
+
+    It is the error of the strain that the model predicts, times the stiffness of the model as
+    given. The former is the error of the force over the stiffness of the model that is fitted. A
+    force that does not depend on the strain determines no strain: its error is the whole range,
+    the largest error that a strain has.
+
+    Parameters
+    ----------
+    off : ndarray, shape (n,), N
+        Measured minus predicted force.
+    stiff : ndarray, shape (n,), N
+        -dF/de of the model that is fitted.
+    """
+    assert cells.stiffness is not None
+    most = cells.strain_range
+    off = off - cells.strain_noise
+    known = (stiff > 0.0) & (np.abs(off) < most * stiff)
+    share = np.where(known, cells.stiffness / np.where(known, stiff, 1.0), 0.0)
+    far = np.where(off < 0.0, -most, most) * cells.stiffness
+    return np.where(known, share * off, far) + cells.strain_noise, share
+
+
+def _beside(motion: Motion) -> tuple[Motion, Motion]:
+    """Return a motion at slightly smaller and at slightly larger strains."""
+    return replace(motion, strain=motion.strain - STEP), replace(
+        motion, strain=motion.strain + STEP)
+
+
+def _slope(below: np.ndarray, above: np.ndarray) -> np.ndarray:
+    """Return minus the derivative in the strain of what was computed `_beside` a motion."""
+    return (below - above) / (2.0 * STEP)
 
 
 def with_coordinates(model: Bundle, priors: Sequence[Prior], u: np.ndarray) -> Bundle:

@@ -61,7 +61,7 @@ def spikes(data: Measurement, residual: np.ndarray, noise: float) -> np.ndarray:
     return far & ~maximum_filter1d(stepped, 2 * _NEAR + 1)
 
 
-def unknown_direction(data: Measurement) -> np.ndarray:
+def unknown_direction(data: Measurement, *, may_stick: bool = False) -> np.ndarray:
     """
     Return the rows of a log whose direction of motion is not known, (T,) bool.
 
@@ -69,12 +69,25 @@ def unknown_direction(data: Measurement) -> np.ndarray:
     recorded. If trials start at turning points, the friction is wrong there in every trial at the
     same strain, which looks like an effect of the strain. Second, rows at turning points where
     the strain rate is within its noise: the error is up to twice the friction.
+
+    Parameters
+    ----------
+    may_stick : bool
+        The strain was not imposed: after each turn of the pressure dry friction may hold it, with
+        any force up to its limit. Rows at rest while the pressure changes are left out too, and
+        rows whose rate was smoothed across the end of such a rest.
     """
     if data.time is None:
         return np.zeros(len(data), bool)
     first = data.start & ~np.append(data.start[1:], True)  # a trial of one row stays
     moving = np.where(data.direction_basis == BY_STRAIN, data.direction, 0)
-    return first | turning(moving, data.trial, slope(data.time, data.strain, data.trial).window)
+    window = slope(data.time, data.strain, data.trial).window
+    unknown = first | turning(moving, data.trial, window)
+    if may_stick:
+        unknown |= (moving == 0) & (data.direction != 0)
+        for row in np.flatnonzero(begins(moving, data.trial) & ~data.start):
+            unknown[max(row - window // 2, 0):row + window // 2] = True
+    return unknown
 
 
 def jumped(data: Measurement) -> np.ndarray:

@@ -125,6 +125,8 @@ class Options:
         """
         Return the options with all effects of the catalogue that these data could show.
 
+        At one force a function of the force is one number: `Law.is_of_force_alone` is left out.
+
         Parameters
         ----------
         lengths : int
@@ -138,7 +140,8 @@ class Options:
             if name in own or not kind.candidate or kind.load is not None:
                 continue
             if kind.place is Place.PNEUMATICS or not has[kind.needs] or (
-                    kind.needs_time and cells.data.is_static):
+                    kind.needs_time and cells.data.is_static) or (
+                    kind.is_of_force_alone and cells.one_force):
                 continue
             effect = usual(kind, model)
             if not _has_no_parameters(effect) and not _has_no_influence(model, effect, cells):

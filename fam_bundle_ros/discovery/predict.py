@@ -6,12 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import ONE_STRAIN
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
+from fam_bundle_ros.data.rates import begins
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
 
 #: Step of strain for the slope.
-_STEP = 1e-3
+STEP = 1e-3
 #: The force counts as constant below this share of strain variation times stiffness.
 _CONSTANT = 0.1
 
@@ -59,26 +62,87 @@ def predict(model: Bundle, data: Measurement) -> np.ndarray:
     """
     Return the force that the model predicts for each row, (T,), N.
 
+    Under a constant force the strain is the measured quantity: it is not smoothed, see
+    `strain_noise`.
+
     Raises
     ------
     InputError
         If data and model have different motor units.
     """
-    return model.predict(motion(matched(model, data)))
+    data = matched(model, data)
+    return model.predict(motion(data)) - strain_noise(data, stiffness(model, data))
+
+
+def slope_in_strain(model: Bundle, data: Measurement) -> np.ndarray:
+    """Return -dF/de of the model at rest in each row, (T,), N."""
+    below, above = (model.force(data.strain + step, data.pressure) for step in (-STEP, STEP))
+    return (below - above) / (2.0 * STEP)
 
 
 def stiffness(model: Bundle, data: Measurement) -> np.ndarray | None:
     """
-    Return -dF/de of the model in each row, (T,), N, for data at a constant force; else None.
+    Return -dF/de of the model in each row, (T,), N, if the force of each pass was constant.
 
-    At constant force the strain is the measured quantity; its error is that of the force divided
-    by the stiffness. The force counts as constant if its standard deviation is below a tenth of
-    that of the strain times the stiffness.
+    Then the strain is the measured quantity; its error is that of the force divided by the
+    stiffness. A pass is a motion one way (of a map, all rows). The force counts as constant if
+    its standard deviation, overall or within the passes, is below a tenth of that of the strain
+    times the stiffness; else the result is None.
     """
-    below, above = (model.force(data.strain + step, data.pressure) for step in (-_STEP, _STEP))
-    slope = np.maximum((below - above) / (2.0 * _STEP), 0.0)
-    usual = float(np.std(data.strain)) * float(np.median(slope))
-    return slope if float(np.std(data.force)) < _CONSTANT * usual else None
+    slope = slope_in_strain(model, data)
+    rising = slope > 0.0
+    if not rising.any() or np.ptp(data.strain) < ONE_STRAIN:
+        return None
+    usual = float(np.median(slope[rising]))
+    force, _ = _within_passes(data, data.force)
+    constant = np.where(rising, slope, usual)
+    return constant if force < _least_change(data, usual) or is_one_force(data, constant) else None
+
+
+def is_one_force(data: Measurement, stiff: np.ndarray | None) -> bool:
+    """Return whether the force is the same in all passes of data with a `stiffness`."""
+    return stiff is not None and bool(
+        np.std(data.force) < _CONSTANT * np.median(stiff) * np.std(data.strain))
+
+
+def strain_noise(data: Measurement, stiff: np.ndarray | None) -> np.ndarray:
+    """
+    Return what smoothing removed from the strain, as a force, (T,), N; zero if not `stiffness`.
+
+    Models run on the smoothed strain. Where the strain is the measured quantity, its noise is the
+    noise of the measurement, and smoothing would hide it.
+    """
+    if stiff is None:
+        return np.zeros(len(data))
+    return stiff * (data.strain - data.smoothed[0])
+
+
+def noise_of(data: Measurement, residual: np.ndarray, stiff: np.ndarray | None) -> NoiseFloor:
+    """
+    Return the noise floor of a residual, (T,), N, of data with or without a `stiffness`.
+
+    Under a constant force it is noise of the strain: of two visits to the same measured strain
+    and pressure it would be equal, so that visits to the same force and pressure are compared.
+    """
+    if stiff is not None and not data.is_static:
+        _, mean = _within_passes(data, data.force)
+        level = np.round(mean / _least_change(data, float(np.median(stiff))))
+        data = replace(data, strain=level)
+    return noise_floor(data, residual)
+
+
+def _least_change(data: Measurement, stiff: float) -> float:
+    """Return the standard deviation below which the force of the passes counts as constant, N."""
+    strain, _ = _within_passes(data, data.strain)
+    return _CONSTANT * stiff * strain
+
+
+def _within_passes(data: Measurement, values: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the standard deviation of values about the means of their passes, and these, (T,)."""
+    passes = (np.zeros(len(data), int) if data.is_static
+              else np.cumsum(begins(data.direction, data.trial)) - 1)
+    mean = (np.bincount(passes, values) / np.bincount(passes))[passes]
+    return float(np.sqrt(np.mean((values - mean) ** 2))), mean
 
 
 def free_mask(model: Bundle, data: Measurement) -> np.ndarray:

@@ -50,6 +50,9 @@ class Candidate:
         Effect of the model that it replaces; empty for an effect that is added.
     removes : bool
         True if the candidate is to remove this effect from the model.
+    beside : tuple of str
+        Of an effect that is not named, the others in its most probable set: `error_N` and
+        ``probability`` may be due to them.
     """
 
     effect: str
@@ -62,6 +65,13 @@ class Candidate:
     reason: str
     replaces: str = ''
     removes: bool = False
+    beside: tuple[str, ...] = ()
+
+    @property
+    def why(self) -> str:
+        """The reason, and the effects that the most probable set has beside this one."""
+        others = f'(together with {", ".join(self.beside)})' if self.beside else ''
+        return ' '.join(filter(None, [self.reason, others]))
 
     @property
     def label(self) -> str:
@@ -74,7 +84,7 @@ class Candidate:
         """Return the entry as JSON has it."""
         return {'effect': self.effect, 'shape': self.shape, 'family': self.family,
                 'probability': self.probability, 'error_N': self.error_N,
-                'score': self.score, 'reason': self.reason,
+                'score': self.score, 'reason': self.reason, 'beside': list(self.beside),
                 'replaces': self.replaces, 'removes': self.removes,
                 'parameters': {e.key.partition('.')[2]: {
                     'value': e.value, 'unit': e.unit, 'interval': list(e.interval),
@@ -247,7 +257,7 @@ class Diagnosis(Told):
             lines.append(self.shortlist_title)
             for entry in self.shortlist:
                 lines.append(f'  {entry.label:<26} p {entry.probability:5.2f}  '
-                             f'{entry.error_N:8.3g} N   {entry.reason}')
+                             f'{entry.error_N:8.3g} N   {entry.why}')
         for group in self.tied:
             lines.append('tied: ' + ', '.join(group))
         lines += [f'tied: {trade}' for trade in self.traded]
@@ -318,7 +328,7 @@ class Diagnosis(Told):
         return pandas.DataFrame([{
             'effect': c.effect, 'shape': c.shape, 'family': c.family,
             'probability': c.probability, 'error [N]': c.error_N, 'score': c.score,
-            'parameters': '; '.join(str(e) for e in c.parameters), 'reason': c.reason}
+            'parameters': '; '.join(str(e) for e in c.parameters), 'reason': c.why}
             for c in self.ranking])
 
     def figure(self) -> Any:

@@ -97,11 +97,12 @@ def rival_error(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -
         Cells for the fit, and cells to predict.
     """
     weight, pressure = cells.count[train], cells.pressure
-    if cells.stiffness is None:
+    if not cells.one_force:
         form = RIVALS.get(rival, strain_alone)
         predict = form(cells.strain[train], pressure[train], cells.force[train], weight)
         return cells.force[test] - _within(cells.force, predict(cells.strain[test],
                                                                 pressure[test]))
+    assert cells.stiffness is not None
     degree = {'mean': 0, 'plane': 1, 'empirical': 3, BLIND: 0}[rival]
     scale = np.maximum(np.abs(pressure).max(axis=0), 1.0)
 

@@ -29,7 +29,7 @@ from fam_bundle_ros.discovery.options import Change, head
 from fam_bundle_ros.discovery.posterior import Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding, is_enough
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Bundle, catalogue
 from fam_bundle_ros.told import counted
 
 Ties = tuple[tuple[str, ...], ...]
@@ -164,6 +164,9 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     """
     Return the experiment that best separates the answer from its most probable rival.
 
+    If the odds of each effect against all sets without it are above those of a tie, no experiment
+    is needed to name the effects: measure what is left, or all of it more finely.
+
     Parameters
     ----------
     base : Fit
@@ -174,11 +177,14 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                     'absolute, and diagnose again')
     if finding.artefacts:
         return Next('; '.join(artefact.remedy for artefact in finding.artefacts))
+    certain = False
     if answer:
         least_sure = min(answer, key=lambda change: posterior.of_label(change.label))
         tie = ties[0] if ties else (least_sure.label, '')
         rival = _rival(posterior, tie, chosen)
-        if rival is not None:
+        probability, odds = posterior.of_label(least_sure.label), posterior.options.choices.odds
+        certain = not ties and probability > odds * (1.0 - probability)
+        if rival is not None and not certain:
             own = _labels(posterior, chosen)
             other = tie[1] or next((label for label in _labels(posterior, rival)
                                     if label not in own), 'the model without it')
@@ -190,7 +196,7 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                 why = (f'separates {tie[0]} from {other} '
                        f'(by {np.sqrt(best.separation):.0f} noise sd)')
                 return Next(f'{best.words}: {why}', replace(best.protocol, notes=why))
-    if finding.verdict == 'unexplained':
+    if finding.verdict in ('unexplained', 'partial'):
         shape = _shape(shapes, 'the error')
         return Next(f'measure where the error is largest again, in finer steps and at two speeds '
                     f'({shape})', finer(fitter.cells, chosen.model))
@@ -204,6 +210,11 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if fitter.cells.data.is_static:
         return Next('log a sweep up and down with time: a static map shows neither friction nor '
                     'memory', plain(fitter.cells, chosen.model))
+    if certain:
+        test = finer(fitter.cells, chosen.model)
+        return Next(f'none needed to name {"it" if len(answer) == 1 else "them"}: the odds are '
+                    f'more than {posterior.options.choices.odds:.3g} to 1 against all that was '
+                    f'tried without; for narrower intervals, {test.name}', test)
     return Next('none needed within this range; to test the model further, widen it (beyond free '
                 'strain, another speed)')
 
@@ -234,13 +245,16 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
                     if cells.rows > len(cells.label) else '')
         notes.append(f'{left_out} of {len(cells.label)} rows{averaged} are not used ({why}); on '
                      f'the others the best error is {_error_in_cells(cells, final.model):.3g} N')
-    if cells.stiffness is not None:
+    if cells.one_force:
+        assert cells.stiffness is not None
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
                      f"of the strain times the model's stiffness (100 N are "
                      f'{100.0 / np.median(cells.stiffness):.2g} of strain); mean, plane and '
                      'empirical form are a mean strain, a line and a cubic in the pressure')
-        notes.append('a single force determines neither the scale of the model nor a bias: '
-                     'measure on a dynamometer, or with other weights')
+        untried = ', '.join(name for name, law in catalogue.available().items()
+                            if law.is_of_force_alone and law.candidate)
+        notes.append('a single force determines neither the scale of the model nor a bias (not '
+                     f'tried: {untried}): measure on a dynamometer, or with other weights')
     if not held.kinds:
         notes.append('the data have no folds to leave out: held-out errors are those of the fit')
     for words, fit in {id(final): ('the refit', final),

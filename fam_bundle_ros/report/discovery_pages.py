@@ -128,7 +128,7 @@ def _missing_section(result: Diagnosis) -> Section:
              'parameters', 'why'),
             [(('effect', c.effect), c.family, round(c.probability, 2), c.error_N,
               '; '.join(f'{e.key.partition(".")[2]} {e.value:.4g} {e.unit}'.rstrip()
-                        for e in c.parameters), c.reason) for c in result.ranking]))
+                        for e in c.parameters), c.why) for c in result.ranking]))
     ties = ' '.join(f'These data cannot distinguish {", ".join(group[:-1])} and {group[-1]}.'
                     for group in result.tied)
     return Section('What is missing', f'{ties}\n\nNext: {result.next_experiment}', items)

@@ -305,6 +305,16 @@ def test_a_hung_weight_is_scored_in_strain(paper_muscle, name, values, expected)
         strain, np.full((240, 1), 3e5)))).strain_error is None
 
 
+def test_a_candidate_tells_of_the_effects_that_it_was_fitted_beside(sweeps, paper_muscle):
+    """A gain in one set with the friction that explains the error is no equal of the friction."""
+    truth = paper_muscle.with_effect('coulomb_friction', force=6.0)
+    result = diagnose(paper_muscle, sweeps(truth), choices=PAIRS)
+    found = {entry.effect: entry for entry in result.ranking}
+    assert found['force_sensor_gain'].beside == ('coulomb_friction',)
+    assert found['force_sensor_gain'].why.endswith('(together with coulomb_friction)')
+    assert found['coulomb_friction'].why == found['coulomb_friction'].reason
+
+
 # --- nothing to be found -----------------------------------------------------------------------
 
 def test_noise_alone_names_nothing(sweeps, paper_muscle):

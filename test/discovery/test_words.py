@@ -13,6 +13,7 @@ from fam_bundle_ros.data.protocol import Protocol, Sweep
 from fam_bundle_ros.discovery import words
 from fam_bundle_ros.discovery.experiment import Experiment
 from fam_bundle_ros.discovery.options import Change
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import Finding, Left
 from fam_bundle_ros.discovery.words import (
     ascends,
@@ -74,7 +75,8 @@ def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatc
                         or without)
     monkeypatch.setattr(words, '_labels', lambda posterior, fit: ['coulomb_friction'])
     monkeypatch.setattr(words, 'best_experiment', lambda *fits: (None, []))
-    posterior = SimpleNamespace(of_label={'end_caps': 0.7, 'coulomb_friction': 1.0}.get)
+    posterior = SimpleNamespace(of_label={'end_caps': 0.7, 'coulomb_friction': 1.0}.get,
+                                options=TIED)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
     words.next_experiment(fitter, posterior, Finding('missing_effect', Left(0.0, 0.2)),
                           [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), (),
@@ -92,11 +94,33 @@ def test_an_experiment_is_told_by_what_the_answer_has_not(monkeypatch, labels, o
     sweep = Sweep((0.05, 0.15), 0.1, ((100e3,),))
     best = Experiment(Protocol('sweep', 1, (sweep,)), 400.0)
     monkeypatch.setattr(words, 'best_experiment', lambda *fits: (best, [best]))
-    posterior = SimpleNamespace(fits=(chosen, rival), of_label=lambda label: 0.9)
+    posterior = SimpleNamespace(fits=(chosen, rival), of_label=lambda label: 0.9, options=TIED)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
     told = next_experiment(fitter, posterior, Finding('missing_effect', Left(0.0, 0.2)),
                            [Change('', 'pressure_line_lag')], chosen, (), (), BASE)
     assert told.words == f'sweep: separates pressure_line_lag from {other} (by 20 noise sd)'
+
+
+@pytest.mark.parametrize(('verdict', 'is_static', 'told'), [
+    ('missing_effect', False, 'none needed to name it: the odds are more than 20 to 1 against all '
+                              'that was tried without; for narrower intervals, sweep in steps'),
+    ('missing_effect', True, 'log a sweep up and down with time'),
+    ('partial', False, 'measure where the error is largest again')])
+def test_no_experiment_is_asked_for_to_name_what_is_certain(monkeypatch, verdict, is_static, told):
+    """An experiment that separates it from an improbable set would tell nothing new."""
+    def separate(*fits):
+        raise AssertionError('an experiment was sought')
+    monkeypatch.setattr(words, 'best_experiment', separate)
+    monkeypatch.setattr(words, '_rival', lambda posterior, tie, chosen: object())
+    for design in ('finer', 'plain'):
+        monkeypatch.setattr(words, design, lambda cells, model: SimpleNamespace(
+            name='sweep in steps'))
+    posterior = SimpleNamespace(of_label=lambda label: 0.96, options=TIED)
+    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=is_static)))
+    asked = next_experiment(fitter, posterior, Finding(verdict, Left(0.0, 0.2)), [DRY],
+                            SimpleNamespace(model=None), (), (), BASE)
+    assert asked.words.startswith(told)
+    assert asked.protocol.name == 'sweep in steps'
 
 
 def test_an_effect_that_is_likelier_than_not_but_not_named_is_told_of(monkeypatch):
@@ -122,6 +146,8 @@ def test_what_is_down_to_the_noise_in_some_rows_only_says_so():
 
 
 DRY, CAPS = Change('', 'coulomb_friction'), Change('', 'end_caps')
+#: Odds of a tie.
+TIED = SimpleNamespace(choices=Choices(odds=20.0))
 BASE = SimpleNamespace(u=np.array([0.1, -1.24, 4.0]), priors=[
     SimpleNamespace(key=key) for key in ('geometry.length', 'geometry.radius', 'mesh.factor')])
 
@@ -224,7 +250,7 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
     label = np.arange(len(data)) // 3
     cells = SimpleNamespace(data=data, label=label, unused={'spikes': 3, 'odd': 4}, motion=None,
-                            stiffness=None, rows=600)
+                            one_force=False, rows=600)
     assert notes_on(cells, floor, calm, calm, kinds) == ()
     label[:7] = -1
     ripple = SimpleNamespace(note='a fine ripple')
@@ -239,11 +265,12 @@ def test_notes_say_what_was_left_out_and_what_moved_too_far():
     assert found[3] == ('the refit moves the geometry beyond its tolerances: geometry.radius '
                         '-3.2 tolerances')
     assert len(found) == 4
-    held = SimpleNamespace(data=data, label=label + 9, motion=None,
+    held = SimpleNamespace(data=data, label=label + 9, motion=None, one_force=True,
                            stiffness=np.array([100.0, 200.0, 400.0]))
     hung = notes_on(held, floor, calm, calm, kinds)
     assert hung[0].startswith(f'the force is constant ({data.force.mean():.3g} N)')
     assert '100 N are 0.5 of strain' in hung[0]
+    assert 'not tried: tendon_slack, force_floor, force_sensor_bias, force_sensor_gain' in hung[1]
     assert len(hung) == 2
 
 
@@ -256,7 +283,7 @@ def test_memory_that_starts_anew_is_told_of(paper_muscle, apart, effect, told):
     data = log(1e5, 3e5, 2e5)
     data = build('log', data.strain, data.pressure, data.force, data.trial,
                  np.tile(TIME, 3) + apart * data.trial)
-    cells = SimpleNamespace(data=data, label=data.trial, unused={}, stiffness=None)
+    cells = SimpleNamespace(data=data, label=data.trial, unused={}, one_force=False)
     fit = SimpleNamespace(priors=(), u=(), model=paper_muscle.with_effect(effect))
     notes = notes_on(cells, SimpleNamespace(note=''), fit, fit,
                      SimpleNamespace(kinds={'trial': (1.0, 1.0)}))

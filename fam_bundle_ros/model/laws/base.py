@@ -268,6 +268,12 @@ class Law:
         """Whether the law has no effect on a static map, which has no time."""
         return bool(self.memory) or any('time' in part.arguments for part in self.parts)
 
+    @property
+    def is_of_force_alone(self) -> bool:
+        """Whether the reading with the law is a function of the force without it alone."""
+        return all((part.place is Place.LIMIT or part.changes == 'force')
+                   and {'force', *self.names}.issuperset(part.arguments) for part in self.parts)
+
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name; InputError if there is none."""
         for parameter in self.parameters:
