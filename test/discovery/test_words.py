@@ -293,7 +293,8 @@ def test_memory_that_starts_anew_is_told_of(paper_muscle, apart, effect, told):
 def test_pressures_above_the_models_limit_are_told_of(paper_muscle):
     """Those that are noise about the limit are not."""
     data = log(1e5, 3e5)
-    cells = SimpleNamespace(data=data, label=data.trial, unused={}, stiffness=None)
+    cells = SimpleNamespace(data=data, label=data.trial, unused={}, stiffness=None,
+                            one_force=False)
     kinds = SimpleNamespace(kinds={'trial': (1.0, 1.0)})
 
     def notes(limit):
