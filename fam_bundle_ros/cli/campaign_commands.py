@@ -41,9 +41,9 @@ def campaign(
                                                 'recordings are read; diagnose --save-recipe '
                                                 'writes one.')] = None,
     specimens: Annotated[Path | None, typer.Option(
-        '--specimens', metavar='TABLE', help='A CSV with a column "file", dimensions with their '
-        'units in brackets, further numbers such as an age, and a column "muscle" if several '
-        'recordings are of one muscle.')] = None,
+        '--specimens', metavar='TABLE', help='A CSV with a column "file" (paths from the folder '
+        'of the table), dimensions with their units in brackets, further numbers such as an '
+        'age, and a column "muscle" if several recordings are of one muscle.')] = None,
     pattern: Annotated[str, typer.Option(help='Pattern of the file names, "*.csv".')] = '*',
     unexplained: Unexplained = 0.01,
     odds: Odds = 20.0,
