@@ -264,3 +264,22 @@ def test_a_link_to_another_recording_is_no_second_one(two):
     """Duplicates are different files of equal content."""
     (two / '0_again.csv').symlink_to(two / 'b.csv')
     assert [each.file for each in find(two)] == ['a.csv', 'b.csv']
+
+
+def test_a_recording_with_a_slip_of_unit_is_not_counted(in_psi):
+    """What it would need to fit is no physics; the words stand in its row."""
+    result = in_psi()
+    rows = {row['file']: row for row in result.recordings}
+    assert 'psi, not in kPa' in rows['psi.csv']['check_first']
+    assert [row['file'] for row in result.counted] == ['right.csv']
+    assert not result.shares
+    assert '0 duplicates, 1 to check first; 1 counted, of 1 muscle: ' in result.summary
+
+
+def test_a_recording_with_a_slip_counts_where_the_user_says_that_it_is_right(in_psi):
+    """Nothing is computed again for that."""
+    in_psi()
+    result = in_psi(as_read=True)
+    assert [row['file'] for row in result.counted] == ['psi.csv', 'right.csv']
+    assert {share.of for share in result.shares} == {2}
+    assert result.computed == 0
