@@ -120,6 +120,23 @@ async def test_a_column_is_told_on_the_page(user):
     await user.should_see('✓ used')
 
 
+async def test_voltages_are_told_on_the_page(user):
+    """What one volt is worth: typed beside the column, which says until then what is expected."""
+    head, *rows = DATA.read_text().splitlines()
+    place = head.split(',').index('force [N]')
+    cells = [row.split(',') for row in rows]
+    for row in cells:
+        row[place] = f'{float(row[place]) / 50.0:.6f}'
+    await upload(user, 'volts.csv', '\n'.join([head.replace('force [N]', 'U_F [V]'),
+                                               *map(','.join, cells)]).encode())
+    await sees(user, 'in V: tell what one V is worth')
+    user.find(marker='map:U_F [V]:quantity').trigger('change', 'force')
+    await sees(user, "unit 'V' does not fit; expected a unit like N")
+    user.find(marker='map:U_F [V]:scale').trigger('input', '* 50 N')
+    await sees(user, '✓ as told: * 50 N')
+    await user.should_see('force -43')
+
+
 async def test_a_model_dropped_first_is_used(user):
     """Model, then data: the case starts from that model."""
     await upload(user, 'start.model.yaml',
