@@ -255,9 +255,14 @@ class CaseView:
             self.page.tell(f'the computation failed: {error}')
         finally:
             self.job = None
-            if not self.answer.is_deleted:
+            if not self.is_gone:
                 self.draw_answer()
         return None
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether another view is shown, or the browser left: then nothing can be drawn."""
+        return self.answer.is_deleted
 
     def stop(self) -> None:
         """Cancel what is running."""
@@ -270,8 +275,9 @@ class CaseView:
         found = await self.work(Job(worker.diagnose_job, step.model, self.session.data))
         if found is not None and self.session.steps and self.session.now is step:
             self.session.learn(found)
-            self.draw_answer()
-            self.side.draw()
+            if not self.is_gone:
+                self.draw_answer()
+                self.side.draw()
 
     async def change(self, change: Change, effect: Effect | None = None) -> None:
         """Add, replace or leave out an effect, and refit everything."""
@@ -303,7 +309,8 @@ class CaseView:
             return
         model, held_out = refitted
         await asyncio.to_thread(session.advance, label, model, held_out, since, effect)
-        self._moved()
+        if not self.is_gone:
+            self._moved()
 
     def undo(self) -> None:
         """Take the last step back."""

@@ -241,11 +241,14 @@ class Page:
         except InputError as error:
             self.tell(str(error))
             return False
-        self.show()
+        if not self.messages.is_deleted:  # the browser may have left
+            self.show()
         return True
 
     def tell(self, said: str) -> None:
         """Show a message that stays until it is closed."""
+        if self.messages.is_deleted:
+            return
         self.messages.clear()
         with self.messages, parts.box('div', 'alert', 'alert'):
             parts.text('span', said, 'grow')

@@ -5,14 +5,16 @@
 import asyncio
 import re
 
-from nicegui import ui
+from nicegui import Client, ui
 from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.testing.user_simulation import user_simulation
 import pytest
 
 from fam_bundle_ros.discovery import compare
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench.cases import EXAMPLES, load_example
+from fam_bundle_ros.workbench.jobs import Job
 from fam_bundle_ros.workbench.page import root
 from fam_bundle_ros.workbench.session import short
 
@@ -81,6 +83,29 @@ async def test_cancel_leaves_everything_as_it_was(user):
     user.find(marker='cancel').click()
     await sees(user, 'What is missing?')
     await user.should_not_see('probability')
+
+
+@pytest.mark.parametrize('outcome', ['found', 'failed'])
+async def test_a_browser_that_left_during_a_diagnosis_is_not_drawn_to(
+        user, outcome, friction_found, monkeypatch):
+    """The log stays clean, and what was found is there when the tab is opened again."""
+    await open_first(user)
+    client = user.client
+
+    async def leave(job):
+        client.delete()
+        if outcome == 'failed':
+            raise InputError('no')
+        return friction_found
+
+    monkeypatch.setattr(Job, 'run', leave)
+    drawn = []
+    monkeypatch.setattr(Client, 'check_existence', lambda self: drawn.append(self._deleted))
+    user.find(marker='diagnose').click()
+    await asyncio.sleep(0.5)
+    assert not any(drawn)
+    await opened(user)
+    await sees(user, 'Found: Coulomb friction' if outcome == 'found' else 'What is missing?')
 
 
 async def test_an_uploaded_measurement_asks_for_the_muscle(user):
