@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simple shapes of the error that the best model leaves: which are shown, and in which words."""
 
+import numpy as np
+
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.result import Diagnosis
 from fam_bundle_ros.discovery.templates import Template
@@ -9,6 +11,8 @@ from fam_bundle_ros.report.numbers import shown
 
 #: Least share that is not printed as 0 %.
 _LEAST = 0.005
+#: Share of the largest force below which a shape is rounding; data of a weight have no noise.
+_ROUNDING = 1e-3
 #: To what the shares refer.
 SHARE = 'of the mean square error that the best model leaves'
 
@@ -17,13 +21,15 @@ def visible(result: Diagnosis) -> list[Template]:
     """
     Return the shapes of a diagnosis to be shown.
 
-    Without those that are below half the noise of a row, and those whose share is 0 %; none for a
-    verdict that leaves no error.
+    Without those whose share is 0 %, and those below half the noise of a row or a thousandth of
+    the largest force; none for a verdict that leaves no error.
     """
     if result.verdict not in ('unexplained', 'partial'):
         return []
-    return [shape for shape in result.shapes_left if shape.explained >= _LEAST
-            and shape.size_N >= settings.VISIBLE * result.noise.value]
+    least = max(settings.VISIBLE * result.noise.value,
+                _ROUNDING * float(np.abs(result.measurement.force).max()))
+    return [shape for shape in result.shapes_left
+            if shape.explained >= _LEAST and shape.size_N >= least]
 
 
 def described(shape: Template) -> str:
