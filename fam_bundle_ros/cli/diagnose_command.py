@@ -38,6 +38,7 @@ from fam_bundle_ros.cli.common import (
     yaml_to_write,
 )
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import number
 
 
 @reads_data
@@ -118,9 +119,9 @@ def _show_diagnosis(result: Any, recordings: list[str], reading: Reading, model:
     # effects that stand for a mistake in the data must not be added
     if_right = 'if the data are right, ' if result.comparison.slips else ''
     error = result.error_N
-    console.print(f"error {error['model']:.3g} N at present, {error['recalibrated']:.3g} N "
-                  f"recalibrated, {error['best']:.3g} N at best; noise floor "
-                  f'{result.noise.value:.3g} N ({result.noise.basis})')
+    console.print(f"error {number(error['model'])} N at present, {number(error['recalibrated'])} "
+                  f"N recalibrated, {number(error['best'])} N at best; noise floor "
+                  f'{number(result.noise.value)} N ({result.noise.basis})')
     if result.shortlist:
         answered = result.verdict != 'unexplained'
         candidate_table(result.shortlist, '' if answered else result.shortlist_title,

@@ -15,7 +15,7 @@ from fam_bundle_ros.report import campaign_figures as figures
 from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
-from fam_bundle_ros.told import counted
+from fam_bundle_ros.told import counted, number
 
 #: Largest number of trends that are drawn; all are in the table.
 _DRAWN = 6
@@ -71,8 +71,9 @@ def _headline(result: Campaign) -> list[Headline]:
                               f'in {count} of {len(result.counted)}, the most frequent'))
         before, after = (float(np.median([row[key] for row in result.counted]))
                          for key in ('model_error_N', 'best_error_N'))
-        cards += [Headline('Error of the model', f'{before:.3g} N', 'rms, median of recordings'),
-                  Headline('Best', f'{after:.3g} N', 'with the effects found in each')]
+        cards += [Headline('Error of the model', f'{number(before)} N',
+                           'rms, median of recordings'),
+                  Headline('Best', f'{number(after)} N', 'with the effects found in each')]
     return cards
 
 

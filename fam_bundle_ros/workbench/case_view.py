@@ -19,8 +19,9 @@ from fam_bundle_ros.workbench.side_view import SideView
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
+#: Of the curves, which have open points only where the data have directions.
+_CURVES = 'Points: measured{}. Lines: model. Band: noise.'
 _CAPTIONS = {
-    'curves': 'Points: measured (open: lengthening). Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
             'sign with the motion.',
     'loops': 'The error while shortening and while lengthening. Two separate branches: a loss '
@@ -182,13 +183,16 @@ class CaseView:
     def draw_figure(self) -> None:
         """Draw the chosen figure in a new box."""
         self.figure.clear()
-        self.caption.set_text(_CAPTIONS[self.tab])
+        data = self.session.data
+        caption = _CAPTIONS.get(self.tab) or _CURVES.format(
+            f' (open: {data.ways[1]})' if (data.direction < 0).any() else '')
+        self.caption.set_text(caption)
         drawn = self._drawn()
         with self.figure:
             if drawn is None:
                 parts.text('p', 'Nothing was measured in both directions at one pressure.')
                 return
-            self.plot = parts.plot(drawn, _CAPTIONS[self.tab].split('.')[0])
+            self.plot = parts.plot(drawn, caption.split('.')[0])
 
     def _drawn(self, move_ms: int = 0) -> dict[str, Any] | None:
         if self.tab == 'curves':

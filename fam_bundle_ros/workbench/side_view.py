@@ -14,6 +14,7 @@ from fam_bundle_ros.discovery.result import Candidate
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import dumps_model
 from fam_bundle_ros.report import shapes
+from fam_bundle_ros.told import number
 from fam_bundle_ros.workbench import parts, takeaway
 from fam_bundle_ros.workbench.cases import Case
 from fam_bundle_ros.workbench.changes import Change
@@ -136,7 +137,7 @@ class SideView:
                 if c.shape != c.effect:
                     self._fact('shape', parts.words(c.shape))
                 for e in c.parameters[:3]:
-                    self._fact(parts.words(e.key.partition('.')[2]), f'{e.value:.3g} {e.unit}')
+                    self._fact(parts.words(e.key.partition('.')[2]), f'{number(e.value)} {e.unit}')
             parts.text('p', parts.sentence(c.reason), 'small')
             if choice.rivals:
                 parts.text('p', '= A tie: these data cannot distinguish it from '

@@ -223,6 +223,18 @@ async def test_a_bad_file_is_told_on_the_page(user, name, content, said):
     await open_first(user)
 
 
+async def test_the_caption_names_a_direction_only_where_there_is_one(user):
+    """A static map has none."""
+    await open_first(user)
+    await user.should_see('Points: measured (open: lengthening).')
+    user.find(marker='start-over').click()
+    for ending in ('model.yaml', 'csv'):
+        await asyncio.sleep(0.3)
+        await upload(user, f'map.{ending}',
+                     config_path(f'data/dmsp20_static_map.{ending}').read_bytes())
+    await sees(user, 'Points: measured. Lines: model.')
+
+
 async def test_selecting_draws_the_selected(user):
     """Choosing a pressure leaves its points alone on the figure."""
     await open_first(user)
