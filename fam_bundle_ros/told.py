@@ -15,6 +15,27 @@ class Told:
         return f'<pre>{escape(str(self))}</pre>'
 
 
+def number(value: float, digits: int = 3, sign: bool = False) -> str:
+    """
+    Return a number for a sentence: some significant digits, all before the point below a million.
+
+    Parameters
+    ----------
+    sign : bool
+        Whether a positive number has a plus.
+
+    Examples
+    --------
+    >>> number(0.01234), number(2.0), number(163.2, 2), number(1234.56), number(1.234e6)
+    ('0.0123', '2', '163', '1235', '1.23e+06')
+    >>> number(99.7, 2), number(1234.56, sign=True), number(2.0e-5)
+    ('100', '+1235', '2e-05')
+    """
+    plus = '+' if sign else ''
+    text = f'{value:{plus}.{digits}g}'
+    return f'{value:{plus}.0f}' if 'e' in text and 1.0 <= abs(value) < 1e6 else text
+
+
 def counted(number: int, noun: str) -> str:
     """Return a number and a noun: `1 trial`, `2 trials`."""
     return f'{number} {noun}{"s" * (number != 1)}'

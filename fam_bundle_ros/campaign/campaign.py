@@ -26,7 +26,7 @@ from fam_bundle_ros.discovery import Choices
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.resources import model_path
-from fam_bundle_ros.told import Told
+from fam_bundle_ros.told import counted, Told
 
 FORMAT = 'fam-bundle-campaign/1'
 #: Trends whose corrected probability is above this are not reported.
@@ -73,8 +73,13 @@ class Campaign(Told):
 
     @property
     def counted(self) -> list[Row]:
-        """Rows used for shares and trends: recordings without error, without duplicates."""
-        return [row for row in self.recordings if counts(row)]
+        """Rows used for shares and trends: no errors, duplicates, or slips to check first."""
+        return [row for row in self.recordings if row['counted']]
+
+    @property
+    def doubtful(self) -> list[Row]:
+        """Rows of recordings that look as if a unit or sign were wrong."""
+        return [row for row in self.recordings if row['check_first'] and not row['duplicate_of']]
 
     @property
     def muscles(self) -> dict[str, int]:
@@ -100,8 +105,11 @@ class Campaign(Told):
     def summary(self) -> str:
         """Numbers of recordings that failed, that count, and that have each verdict."""
         twice = sum(bool(row['duplicate_of']) for row in self.recordings)
-        return (f'{len(self.recordings)} recordings, {len(self.failed)} failed, {twice} '
-                f'duplicates; {len(self.counted)} count, of {len(self.muscles)} muscles: '
+        said = [counted(len(self.recordings), 'recording'), f'{len(self.failed)} failed',
+                counted(twice, 'duplicate'),
+                *([f'{len(self.doubtful)} to check first'] if self.doubtful else [])]
+        return (f"{', '.join(said)}; {len(self.counted)} counted, of "
+                f"{counted(len(self.muscles), 'muscle')}: "
                 + ', '.join(f'{count} {name}' for name, count in self.verdicts.items()))
 
     def __str__(self) -> str:
@@ -112,16 +120,11 @@ class Campaign(Told):
                           *map(str, self.clear_trends)])
 
 
-def counts(row: Row) -> bool:
-    """Return whether a recording counts: without error, and not a duplicate."""
-    return row['status'] == 'done' and not row['duplicate_of']
-
-
 def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
                  recipe: Recipe | str | Path | None = None,
                  specimens: str | Path | None = None, choices: Choices | None = None,
-                 pattern: str = '*', allow_python: bool = False, workers: int | None = None,
-                 scheduler: str | None = None,
+                 pattern: str = '*', as_read: bool = False, allow_python: bool = False,
+                 workers: int | None = None, scheduler: str | None = None,
                  progress: Callable[[int, int, str], None] | None = None) -> Campaign:
     """
     Diagnose all recordings of a folder, and write the tables.
@@ -143,6 +146,8 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
     choices : Choices, optional
     pattern : str
         Pattern of the file names, such as ``'*.csv'``.
+    as_read : bool
+        Whether recordings count that look as if a unit or sign were wrong.
     allow_python : bool
         Whether Python files of effects that the model names may be run.
     workers, scheduler
@@ -185,13 +190,14 @@ def run_campaign(folder: str | Path, model: str | Path, out: str | Path, *,
         store.write(left[place].address, result)
         if progress:
             progress(done, len(left), left[place].recording.file)
-    found = _together(bundle, jobs, store, len(left))
+    found = _together(bundle, jobs, store, len(left), as_read)
     for name in ('recordings', 'effects', 'parameters'):
         tables.write_parquet(name, getattr(found, name), out / f'{name}.parquet')
     return found
 
 
-def _together(bundle: Bundle, jobs: list[job.Job], store: Store, computed: int) -> Campaign:
+def _together(bundle: Bundle, jobs: list[job.Job], store: Store, computed: int, as_read: bool,
+              ) -> Campaign:
     """Return the campaign: tables of all results, and their statistics."""
     rows: list[Row] = []
     effects: list[Row] = []
@@ -207,14 +213,14 @@ def _together(bundle: Bundle, jobs: list[job.Job], store: Store, computed: int) 
         assert result is not None
         original = '' if recording.problem else first[recording.sha256]
         rows.append(tables.recording_row(recording, result, each.address,
-                                         '' if original == recording.file else original))
+                                         '' if original == recording.file else original, as_read))
         effects += tables.effect_rows(recording, result)
         parameters += tables.parameter_rows(recording, result)
-    counted = {row['file'] for row in rows if counts(row)}
-    muscles = Counter(row['muscle'] for row in rows if row['file'] in counted)
-    facts = _facts([each for each in recordings if each.file in counted])
-    ranked = [row for row in effects if row['file'] in counted]
-    fitted = [row for row in parameters if row['file'] in counted]
+    used = {row['file'] for row in rows if row['counted']}
+    muscles = Counter(row['muscle'] for row in rows if row['file'] in used)
+    facts = _facts([each for each in recordings if each.file in used])
+    ranked = [row for row in effects if row['file'] in used]
+    fitted = [row for row in parameters if row['file'] in used]
     return Campaign(bundle, rows, effects, parameters, facts, shares(ranked, muscles),
                     contrasts(ranked, muscles, facts), trends(fitted, facts), computed)
 

@@ -23,7 +23,7 @@ from fam_bundle_ros.jsonfile import plain
 from fam_bundle_ros.model import Bundle, loads_model
 
 #: Format of a result; if it changes, all results are computed again.
-FORMAT = 'fam-bundle-campaign-result/1'
+FORMAT = 'fam-bundle-campaign-result/2'
 
 
 @dataclass(frozen=True)
@@ -135,6 +135,7 @@ def _done(job: Job) -> dict[str, Any]:
     for tree, heavy in ((compared, ('tables', 'noise')), (diagnosed, ('confounding',))):
         for key in heavy:
             del tree[key]
+    compared['slips'] = list(result.comparison.slips)
     return {'format': FORMAT, 'error': '', 'passing': False, 'code': code_version(),
             **plain({'data': measured.to_dict(), 'compare': compared, 'diagnose': diagnosed})}
 

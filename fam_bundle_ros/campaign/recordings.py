@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Find the recordings of a campaign: files of a folder and rows of a table of specimens."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatch
 import os
@@ -23,7 +23,7 @@ _BAG = 'metadata.yaml'
 class Recording:
     """One recording of a campaign."""
 
-    #: Path relative to the folder, absolute if it is elsewhere: the key of every table.
+    #: Path relative to the folder: the key of every table.
     file: str
     #: Absolute path.
     path: Path
@@ -60,7 +60,7 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
         Searched recursively, except hidden folders and results of campaigns. A ROS 2 bag (a
         folder) is one recording.
     table : Path, optional
-        Table of specimens; a missing file in it is a recording with a problem.
+        Table of specimens. Its paths are relative to the folder of the table.
     pattern : str
         Pattern of the file names, such as ``'*.csv'``.
     skip : tuple of Path
@@ -69,30 +69,54 @@ def find(folder: Path, table: Path | None = None, pattern: str = '*',
     Raises
     ------
     InputError
-        For a folder without recordings, a bad table, or two rows with the same file.
+        For a folder without recordings, a bad table, two rows with the same file, or a row with
+        a file that is not in the folder.
     """
     if not folder.is_dir():
         raise InputError(f'{folder}: no such folder; expected one with recordings')
     listed = {Path(specimen.data).resolve(): specimen
               for specimen in (read_specimens(table) if table is not None else [])}
     left = {path.resolve() for path in (*skip, *([table] if table is not None else []))}
-    # by the name in the folder, which may be a link; the table may have another path to the file
-    names = {str(path.relative_to(folder)): path for path in _files(folder, pattern)
-             if path.resolve() not in left}
-    there = {path.resolve() for path in names.values()}
-    names.update({str(path): path for path in listed if path not in there})
-    found = [_recording(name, path.absolute(), listed.get(path.resolve()))
-             for name, path in sorted(names.items())]
+    files = [*_named(folder, listed), *_files(folder)]
+    if table is not None:
+        _check_all_there(table, folder, listed, {path.resolve() for path in files})
+    # one for each file, also if a link in the folder is another name of it
+    names = {path.resolve(): path for path in sorted(files, key=lambda path: not path.is_symlink())
+             if fnmatch(path.name, pattern)}
+    found = [_recording(str(path.relative_to(folder)), path.absolute(), listed.get(real))
+             for real, path in sorted(names.items(), key=lambda item: str(item[1]))
+             if real not in left]
     if not found:
         raise InputError(f"{folder}: no recording called '{pattern}' with one of the endings "
                          f"{', '.join(SUFFIXES)}")
     return found
 
 
-def _files(folder: Path, pattern: str) -> Iterator[Path]:
+def _named(folder: Path, listed: Iterable[Path]) -> list[Path]:
+    """Return the files in the folder that the table names, also with an unknown ending."""
+    root = folder.resolve()
+    return [folder / path.relative_to(root) for path in listed
+            if path.is_relative_to(root) and path.exists()]
+
+
+def _check_all_there(table: Path, folder: Path, listed: Mapping[Path, Specimen],
+                     there: Container[Path]) -> None:
+    for path, specimen in listed.items():
+        if path in there:
+            continue
+        data = Path(specimen.data)
+        written = data.relative_to(table.parent) if data.is_relative_to(table.parent) else data
+        meant = (folder / written).resolve()
+        example = f", '{os.path.relpath(meant, table.parent)}'" if meant in there else ''
+        raise InputError(
+            f"{table}, column 'file': '{written}' is not among the recordings in {folder}; "
+            f'expected a path from the folder of the table{example}')
+
+
+def _files(folder: Path) -> Iterator[Path]:
     for where, folders, names in os.walk(folder):
         here = Path(where)
-        if _BAG in names and fnmatch(here.name, pattern):
+        if _BAG in names:
             folders.clear()
             yield here
             continue
@@ -101,8 +125,7 @@ def _files(folder: Path, pattern: str) -> Iterator[Path]:
             continue
         folders[:] = [name for name in folders if not name.startswith('.')]
         for name in names:
-            known = Path(name).suffix.lower() in SUFFIXES and not name.startswith('.')
-            if known and fnmatch(name, pattern):
+            if Path(name).suffix.lower() in SUFFIXES and not name.startswith('.'):
                 yield here / name
 
 

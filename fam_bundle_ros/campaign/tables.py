@@ -19,8 +19,9 @@ _TEXT, _NUMBER, _COUNT, _BOOL = 'string', 'float64', 'Int64', 'bool'
 #: Columns of each table and their pandas types; further columns are from the table of specimens.
 COLUMNS: dict[str, dict[str, str]] = {
     'recordings': {
-        **dict.fromkeys(('file', 'muscle', 'status', 'error', 'duplicate_of'), _TEXT),
-        'in_table': _BOOL,
+        **dict.fromkeys(('file', 'muscle', 'status', 'error', 'duplicate_of', 'check_first'),
+                        _TEXT),
+        'counted': _BOOL, 'in_table': _BOOL,
         **dict.fromkeys(('rows', 'trials', 'rows_dropped'), _COUNT),
         **dict.fromkeys(('model_error_N', 'recalibrated_error_N', 'best_error_N', 'held_out_N',
                          'noise_floor_N', 'relative_error', 'bias_N', 'largest_N',
@@ -50,7 +51,7 @@ def facts_of(specimen: Specimen | None) -> Row:
 
 
 def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
-                  duplicate_of: str) -> Row:
+                  duplicate_of: str, as_read: bool = False) -> Row:
     """
     Return the row of a recording.
 
@@ -63,14 +64,19 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
         Hash of the job, see `job.Job.address`.
     duplicate_of : str
         First file with the same content; empty if there is none.
+    as_read : bool
+        Whether a recording counts that looks as if a unit or sign were wrong.
     """
     data, compared, diagnosed = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
     error, recommended = diagnosed.get('error_N', {}), diagnosed.get('recommended', {})
+    slips = '; '.join(compared.get('slips', []))
     row: Row = {
         'file': recording.file, 'muscle': recording.muscle,
         'status': 'failed' if result['error'] else 'done',
         'error': result['error'].removeprefix(f'{recording.path.name}: '),
-        'duplicate_of': duplicate_of, 'in_table': recording.specimen is not None,
+        'duplicate_of': duplicate_of, 'check_first': slips,
+        'counted': not (result['error'] or duplicate_of or slips and not as_read),
+        'in_table': recording.specimen is not None,
         'rows': data.get('rows'), 'trials': data.get('trials'),
         'rows_dropped': sum(data.get('dropped', {}).values()) if data else None,
         'model_error_N': error.get('model'), 'recalibrated_error_N': error.get('recalibrated'),

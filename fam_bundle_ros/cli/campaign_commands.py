@@ -26,7 +26,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.resources import model_path
 
-#: Largest number of failed recordings that are printed; the page lists all.
+#: Largest number of doubtful and of failed recordings that are printed; the page lists all.
 _MOST = 10
 
 
@@ -41,10 +41,12 @@ def campaign(
                                                 'recordings are read; diagnose --save-recipe '
                                                 'writes one.')] = None,
     specimens: Annotated[Path | None, typer.Option(
-        '--specimens', metavar='TABLE', help='A CSV with a column "file", dimensions with their '
-        'units in brackets, further numbers such as an age, and a column "muscle" if several '
-        'recordings are of one muscle.')] = None,
+        '--specimens', metavar='TABLE', help='A CSV with a column "file" (paths from the folder '
+        'of the table), dimensions with their units in brackets, further numbers such as an '
+        'age, and a column "muscle" if several recordings are of one muscle.')] = None,
     pattern: Annotated[str, typer.Option(help='Pattern of the file names, "*.csv".')] = '*',
+    as_read: Annotated[bool, typer.Option('--as-read', help='Also count recordings that look as '
+                                          'if a unit or sign were wrong.')] = False,
     unexplained: Unexplained = 0.01,
     odds: Odds = 20.0,
     workers: WorkersOption = None,
@@ -66,7 +68,8 @@ def campaign(
     with counter('campaign') as tick:
         result = run_campaign(
             folder, model, out, recipe=recipe, specimens=specimens, pattern=pattern,
-            choices=Choices(unexplained=unexplained, odds=odds), allow_python=allow_python,
+            as_read=as_read, choices=Choices(unexplained=unexplained, odds=odds),
+            allow_python=allow_python,
             workers=workers, scheduler=scheduler, progress=tick)
     show_muscle(result.model)
     known = len(result.recordings) - result.computed
@@ -77,6 +80,11 @@ def campaign(
           numeric=(1, 2, 3))
     for found in (*result.clear_contrasts, *result.clear_trends):
         console.print(escape(str(found)), soft_wrap=True)
+    for row in result.doubtful[:_MOST]:
+        console.print(f"[bold]check first[/bold]: {escape(row['file'])}: "
+                      f"{escape(row['check_first'])}", soft_wrap=True)
+    if len(result.doubtful) > _MOST:
+        console.print(f'... and {len(result.doubtful) - _MOST} more to check first')
     for row in result.failed[:_MOST]:
         console.print(f"failed: {escape(row['file'])}: {escape(row['error'])}", soft_wrap=True)
     if len(result.failed) > _MOST:

@@ -29,6 +29,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import data_path, model_path
+from fam_bundle_ros.told import number
 
 
 @reads_data
@@ -50,8 +51,9 @@ def compare(
     measured = read_data(recordings, reading, bundle)
     result = discovery.compare(bundle, measured)
     show_muscle(bundle)
-    console.print(f'[bold]{result.error_N:.3g} N rms[/bold], {100 * result.relative_error:.2g} % '
-                  f'of the force; mean {result.bias_N:+.3g} N, largest {result.largest_N:.3g} N')
+    console.print(f'[bold]{number(result.error_N)} N rms[/bold], '
+                  f'{number(100 * result.relative_error, 2)} % of the force; mean '
+                  f'{number(result.bias_N, sign=True)} N, largest {number(result.largest_N)} N')
     check_first(result)
     console.print(escape(str(result.noise)))
     for name in ('pressure', 'strain', 'direction', 'region', 'motor_unit'):

@@ -25,6 +25,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.told import number
 
 #: Contents of a report folder; a folder with other files is never replaced.
 _OURS = {'index.html', 'metrics.json', 'bag'}
@@ -129,8 +130,8 @@ def _summary(found: dict[str, Any]) -> None:
         own = run['orderly']
         saving = 100.0 * run['air_saving']
         rows.append((name, ' → '.join(run['states']),
-                     f'{scale * own["tracking_rms"]:.3g} {unit}',
-                     f'{scale * own["largest_error"]:.3g} {unit}', own['switches'],
+                     f'{number(scale * own["tracking_rms"])} {unit}',
+                     f'{number(scale * own["largest_error"])} {unit}', own['switches'],
                      f'{1e6 * own["air_mass"]:.0f} mg',
                      f'{abs(saving):.1f} % {"less" if saving >= 0 else "more"}'))
     table(('trajectory', 'states', 'rms error', 'largest', 'switches', 'air',
@@ -142,7 +143,7 @@ def _summary(found: dict[str, Any]) -> None:
           [(_step_name(row['step']), row['error_N'], row.get('held_out_N'))
            for row in model['steps']], numeric=(1, 2),
           title=f'Model against the measured DMSP-20 ({model["verdict"].replace("_", " ")}; noise '
-                f'floor {model["noise_floor_N"]:.2g} N)')
+                f'floor {number(model["noise_floor_N"], 2)} N)')
     console.print(f'[dim]{found["seconds"]:.0f} s[/dim]')
 
 

@@ -38,6 +38,7 @@ from fam_bundle_ros.cli.common import (
     yaml_to_write,
 )
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import number
 
 
 @reads_data
@@ -118,9 +119,9 @@ def _show_diagnosis(result: Any, recordings: list[str], reading: Reading, model:
     # effects that stand for a mistake in the data must not be added
     if_right = 'if the data are right, ' if result.comparison.slips else ''
     error = result.error_N
-    console.print(f"error {error['model']:.3g} N at present, {error['recalibrated']:.3g} N "
-                  f"recalibrated, {error['best']:.3g} N at best; noise floor "
-                  f'{result.noise.value:.3g} N ({result.noise.basis})')
+    console.print(f"error {number(error['model'])} N at present, {number(error['recalibrated'])} "
+                  f"N recalibrated, {number(error['best'])} N at best; noise floor "
+                  f'{number(result.noise.value)} N ({result.noise.basis})')
     if result.shortlist:
         answered = result.verdict != 'unexplained'
         candidate_table(result.shortlist, '' if answered else result.shortlist_title,
@@ -140,8 +141,9 @@ def _show_diagnosis(result: Any, recordings: list[str], reading: Reading, model:
         console.print(f'cannot be distinguished in these data: {", ".join(group)}')
     if result.parameters:
         parameter_table(result.parameters)
-    if result.verdict in ('unexplained', 'partial'):
-        _list('shapes of the remaining error', result.shapes_left)
+    from fam_bundle_ros.report import shapes
+    _list(f'shapes of the remaining error (% {shapes.SHARE})',
+          [shapes.described(each) for each in shapes.visible(result)])
     if result.verdict != 'adequate':
         _list('where the model fails', result.located)
     console.print(f'[bold]next[/bold]: {escape(result.next_experiment)}', soft_wrap=True)

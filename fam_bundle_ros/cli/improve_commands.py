@@ -31,6 +31,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import model_path
+from fam_bundle_ros.told import number
 
 #: Largest number of effects whose orders are shown.
 _MOST_ORDERED = 3
@@ -95,9 +96,9 @@ def add(
     else:
         save_model(result.model, out)
     show_muscle(result.model)
-    console.print(f'added {result.what}: [bold]{result.error_before_N:.3g} N -> '
-                  f'{result.error_N:.3g} N[/bold], {result.held_out_N:.3g} N on held-out data; '
-                  f'noise floor {result.noise.value:.3g} N', soft_wrap=True)
+    console.print(f'added {result.what}: [bold]{number(result.error_before_N)} N -> '
+                  f'{number(result.error_N)} N[/bold], {number(result.held_out_N)} N on held-out '
+                  f'data; noise floor {number(result.noise.value)} N', soft_wrap=True)
     if result.doubt:
         console.print(result.doubt, soft_wrap=True)
     parameter_table(result.parameters)
@@ -131,13 +132,13 @@ def ladder(
           [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'])
            for step in result.steps], numeric=(1, 2, 3))
     console.print('on the same held-out rows: ' + ', '.join(
-        f'{words} {result.rivals_N[name]:.3g} N' for name, words in (
+        f'{words} {number(result.rivals_N[name])} N' for name, words in (
             ('mean', 'mean force'), ('plane', 'plane'),
             ('empirical', 'six-parameter empirical form'))))
     console.print(escape(str(result.noise)), soft_wrap=True)
     if len(orders) > 1:
         table(('in this order', 'error after each step (N)'),
-              [(order, '  '.join(f'{error:.3g}' for error in errors))
+              [(order, '  '.join(number(error) for error in errors))
                for order, errors in orders.items()])
     if out is not None:
         from fam_bundle_ros.report.discovery_pages import ladder_page

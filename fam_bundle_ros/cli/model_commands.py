@@ -27,6 +27,7 @@ from fam_bundle_ros.cli.common import (
 )
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import model_path
+from fam_bundle_ros.told import number
 from fam_bundle_ros.units import spaced
 
 ChosenModel = Annotated[str | None, typer.Argument(metavar='[MODEL]', help='Model file, or name '
@@ -66,8 +67,8 @@ def draw_map(
           numeric=(1, 2))
     if figures.free_strain is not None:
         console.print(f'free strain {figures.free_strain.words}')
-        console.print(f'RS1 and RS2 overlap by up to {found["overlap_widest_N"]:.3g} N, widest '
-                      f'at strain {found["overlap_widest_at_strain"]:.3g}')
+        console.print(f'RS1 and RS2 overlap by up to {number(found["overlap_widest_N"])} N, '
+                      f'widest at strain {number(found["overlap_widest_at_strain"])}')
     if ends is not None:
         told = ends.summary()
         table(('', 'blocked force (N)', 'free strain, smallest', 'free strain, full'),
@@ -151,7 +152,7 @@ def tune(
         spool_frequency=_hertz(spool_frequency),
         gain_margin_db=gain_margin, phase_margin_deg=phase_margin, scheduled=scheduled)
     gains = result.gains
-    console.print(f'[bold]p {gains.p:.4g} 1/s   i {gains.i:.4g} 1/s²   d {gains.d:.3g}[/bold]')
+    console.print(f'[bold]p {gains.p:.4g} 1/s   i {gains.i:.4g} 1/s²   d {number(gains.d)}[/bold]')
     console.print(f'gain margin {result.gain_margin_db:.1f} dB, phase margin '
                   f'{result.phase_margin_deg:.0f}°, the smallest of {len(result.points)} states '
                   f'of the chamber')

@@ -16,6 +16,7 @@ import numpy as np
 
 from fam_bundle_ros.data.column_names import unit_for
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import number
 
 #: Highest gauge pressure of a pneumatic muscle, Pa, and highest strain, unless told otherwise.
 MAX_PRESSURE = 1.2e6
@@ -190,7 +191,7 @@ def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> li
                      'its sign turned round?')
     most = np.abs(force).max()
     if most < _SMALLEST['force'] and pressure.max() > _SMALLEST['pressure']:
-        found.append(f'the force reaches only {most:.3g} N: is it in another unit?')
+        found.append(f'the force reaches only {number(most)} N: is it in another unit?')
     return found
 
 

@@ -38,7 +38,7 @@ from fam_bundle_ros.data.strains import RestLength, stated_rest_length, strain_o
 from fam_bundle_ros.data.told_columns import Choice, with_sums
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.told import counted
+from fam_bundle_ros.told import counted, number
 
 #: A force without a unit may be in lbf beside one of these.
 _INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')
@@ -211,9 +211,9 @@ class _Reader:
         interval, steps = interval_of(self.table.above), np.diff(time[np.isfinite(time)])
         step = float(np.median(steps)) if len(steps) else 0.0
         if interval and 0.0 < step < 0.5 * interval:
-            self.notes.append(f"rows are {step:.3g} s apart by '{choice.header}', and the sample "
-                              f'interval above the table is {interval:.3g} s: is the unit of the '
-                              'time right?')
+            self.notes.append(f"rows are {number(step)} s apart by '{choice.header}', and the "
+                              f'sample interval above the table is {number(interval)} s: is the '
+                              'unit of the time right?')
         return time
 
     def _seconds(self, choice: Choice, header: str, rows: np.ndarray) -> np.ndarray:

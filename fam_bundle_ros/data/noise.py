@@ -26,6 +26,7 @@ from fam_bundle_ros.data.grouping import ONE_STRAIN, varying_unit, visit_cells
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.rates import begins, BY_CHANCE, ROBUST, spread
 from fam_bundle_ros.data.trial_offsets import trial_offsets
+from fam_bundle_ros.told import number
 
 #: Differences of neighbours show 0.38 of noise with a memory of five rows (AR 0.8).
 _LOOPS = 0.2
@@ -76,15 +77,15 @@ class NoiseFloor:
                 and self.in_file_order < _LOOPS * self.in_strain_order)
 
     def __str__(self) -> str:
-        def show(number: float | None) -> str:
-            return '-' if number is None else f'{number:.3g} N'
+        def show(value: float | None) -> str:
+            return '-' if value is None else f'{number(value)} N'
         found = {'second differences': self.differences, 'repeats': self.repeats,
                  'visits': self.visits}
         others = ', '.join(f'{name} {show(value)}' for name, value in found.items()
                            if name != self.basis)
         if self.quantum > 0.5 * self.value:
-            others += f'; read in steps of {self.quantum:.3g} N'
-        text = f'noise floor {self.value:.3g} N by {self.basis} ({others})'
+            others += f'; read in steps of {number(self.quantum)} N'
+        text = f'noise floor {number(self.value)} N by {self.basis} ({others})'
         return text + (f'\n  {self.note}' if self.note else '')
 
     def to_dict(self) -> dict[str, Any]:
@@ -118,9 +119,9 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
                     in_strain_order=_smoothness(measurement, values, by_strain=True))
     if floor.hides_loops:
         return replace(floor, note='rows that follow each other in the file agree to '
-                       f'{floor.in_file_order:.2g} N, rows of equal strain and pressure only to '
-                       f'{floor.in_strain_order:.2g} N: loops or drift, which cannot be judged '
-                       'without time')
+                       f'{number(floor.in_file_order or 0.0, 2)} N, rows of equal strain and '
+                       f'pressure only to {number(floor.in_strain_order or 0.0, 2)} N: loops or '
+                       'drift, which cannot be judged without time')
     return floor if offsets is None else replace(floor, note=str(offsets))
 
 

@@ -21,6 +21,7 @@ from fam_bundle_ros.data.column_names import names_rest_length, rest_length_of
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.told_columns import Choice
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import number
 
 #: What else a rest length is called above a table.
 _OF_MUSCLE = re.compile('(muscle|actuator|pam|active|gau?ge|specimen|sample)[ _]length|'
@@ -261,7 +262,7 @@ def _percent_notes(shown: str, choice: Choice, given: np.ndarray) -> list[str]:
     if choice.unit is None or choice.unit.factor != 0.01:
         return []
     largest = np.nanmax(np.abs(given))
-    return [f"'{shown}' reaches only {100 * largest:.2g} %: is it a ratio, not %?"
+    return [f"'{shown}' reaches only {number(100 * largest, 2)} %: is it a ratio, not %?"
             ] if largest < 0.006 else []
 
 

@@ -12,6 +12,7 @@ from scipy.special import fdtri
 from fam_bundle_ros.data.grouping import earlier, pressure_levels, pressure_speed, visit_cells
 from fam_bundle_ros.data.measurement import Measurement, RESOLUTION
 from fam_bundle_ros.data.rates import FALSE_ALARM
+from fam_bundle_ros.told import number
 
 #: Speeds that differ by less than this in the natural logarithm are one, as for the discrepancy.
 _ONE_SPEED = 1.0
@@ -26,7 +27,8 @@ class Offsets(NamedTuple):
     size: float
 
     def __str__(self) -> str:
-        return f'each trial has its own offset, {self.size:.2g} N rms: tare before each trial'
+        return (f'each trial has its own offset, {number(self.size, 2)} N rms: tare before each '
+                'trial')
 
 
 def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | None:

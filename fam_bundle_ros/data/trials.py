@@ -11,7 +11,7 @@ import numpy as np
 
 from fam_bundle_ros.data.rates import begins, PAUSE_STEPS, usual_step
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.told import counted
+from fam_bundle_ros.told import counted, number
 
 #: A comparison needs at least so many rows.
 MIN_ROWS = 12
@@ -116,12 +116,12 @@ def _new_trials(of_row: np.ndarray, time: np.ndarray, rows: np.ndarray) -> list[
     """Return notes on trials that begin at a pause of the clock, or where it goes back oddly."""
     begin = np.flatnonzero(np.diff(of_row)) + 1
     steps = time[begin] - time[begin - 1]
-    notes = [f'the clock pauses for {step:.3g} s before row {rows[at]}: a new trial'
+    notes = [f'the clock pauses for {number(step)} s before row {rows[at]}: a new trial'
              for at, step in zip(begin, steps) if step > 0.0]
     if len(notes) > 3:
         notes = [f'{notes[0]}, as at {len(notes) - 1} further pauses']
-    notes += [f'the clock goes back by {-step:.3g} s at row {rows[at]}, not to where it began: '
-              'read as a new trial' for first, at, step in zip([0, *begin], begin, steps)
+    notes += [f'the clock goes back by {number(-step)} s at row {rows[at]}, not to where it '
+              'began: read as a new trial' for first, at, step in zip([0, *begin], begin, steps)
               if step < 0.0 and time[at] - time[first] > 0.5 * (time[at - 1] - time[first])]
     counts = np.bincount(of_row)[1:].tolist()
     return notes + [f'the clock goes back at row {rows[at]} for {counted(count, "row")}: read as '

@@ -9,6 +9,7 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.told import number
 
 #: Force as it may have been meant: (factor, words).
 _FORCES = (
@@ -64,5 +65,5 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
     error, force, words = min(tries)
     if error > _BETTER * now or error > _GOOD * force:
         return ()
-    return (f'{words} the model would be off by {error:.3g} N ({100 * error / force:.0f} % of '
-            f'the force), not {now:.3g} N',)
+    return (f'{words} the model would be off by {number(error)} N ({100 * error / force:.0f} % of '
+            f'the force), not {number(now)} N',)

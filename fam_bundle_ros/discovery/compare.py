@@ -38,6 +38,13 @@ from fam_bundle_ros.discovery.predict import free_mask, matched, noise_of, predi
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
 
+#: Share of the highest pressure by which the pressure of a motor unit varies, beyond its noise.
+_VARIES = 0.05
+#: Share of the highest pressure within which isobars of several motor units are one.
+_SAME = 0.03
+#: Largest number of isobars of all motor units together.
+_MOST_ISOBARS = 24
+
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Told):
@@ -249,6 +256,42 @@ def _part(grid: np.ndarray) -> float:
     return rms(known) if len(known) else 0.0
 
 
+def _isobars(data: Measurement) -> tuple[np.ndarray, list[str]]:
+    """
+    Return the isobar of each row, (T,) int, and the labels: pressures of all units that vary.
+
+    Of the `varying_unit` alone where all together make too many, as in sweeps of the pressure.
+    """
+    spread = np.ptp(data.pressure, axis=0)
+    varying = [varying_unit(data)]
+    several = np.flatnonzero(spread > _VARIES * data.pressure.max()).tolist()
+    level, labels = _combined(data, several or varying)
+    return (level, labels) if len(labels) <= _MOST_ISOBARS else _combined(data, varying)
+
+
+def _combined(data: Measurement, units: list[int]) -> tuple[np.ndarray, list[str]]:
+    pressure = data.pressure[:, units]
+    levels = np.stack([pressure_levels(column)[0] for column in pressure.T], -1)
+    level = np.unique(levels, axis=0, return_inverse=True)[1].ravel()
+    if len(units) > 1:
+        # an edge between two levels of one unit may cut an isobar of noise in two
+        first: list[int] = []
+        centres = _centres(pressure, level)
+        for k, centre in enumerate(centres):
+            near = np.abs(centres[:k] - centre).max(axis=1) <= _SAME * pressure.max()
+            first.append(first[int(np.argmax(near))] if near.any() else k)
+        level = np.unique(np.array(first)[level], return_inverse=True)[1]
+    named = data.pressure.shape[1] > 1
+    names = [f'{data.motor_units[unit]} ' if named else '' for unit in units]
+    return level, [', '.join(f'{name}{round(mean / 1e3) + 0:d}'
+                             for name, mean in zip(names, centre)) + ' kPa'
+                   for centre in _centres(pressure, level)]
+
+
+def _centres(pressure: np.ndarray, level: np.ndarray) -> np.ndarray:
+    return np.stack([pressure[level == k].mean(axis=0) for k in range(level.max() + 1)])
+
+
 def _tables(data: Measurement, residual: np.ndarray, floor: NoiseFloor, past_free: np.ndarray,
             ) -> dict[str, list[dict[str, Any]]]:
     def table(label_rows: list[tuple[str, np.ndarray]]) -> list[dict[str, Any]]:
@@ -267,13 +310,10 @@ def _tables(data: Measurement, residual: np.ndarray, floor: NoiseFloor, past_fre
                          'bias_N': bias, 'beyond_noise': bool(beyond)})
         return rows
 
-    unit = varying_unit(data)
-    level, means = pressure_levels(data.pressure[:, unit])
-    prefix = '' if data.pressure.shape[1] == 1 else f'{data.motor_units[unit]} '
+    level, labels = _isobars(data)
     index, edges = strain_bins(data.strain, 8)
     tables = {
-        'pressure': table([(f'{prefix}{round(mean / 1e3) + 0:d} kPa', level == k)
-                           for k, mean in enumerate(means)]),
+        'pressure': table([(label, level == k) for k, label in enumerate(labels)]),
         'strain': table([(f'{max(edges[k], 0):.3f} to {edges[k + 1]:.3f}', index == k)
                          for k in range(len(edges) - 1)]),
         'region': table([('tensile', ~past_free), ('past free strain', past_free)]),

@@ -25,6 +25,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.live_model import error_on, failure_words, LiveModel, ModelWatch
 from fam_bundle_ros.nodes.models import bundle_from
+from fam_bundle_ros.told import number
 
 #: Periods of polling the worker, and of comparing candidate and present model, s.
 _POLL, _LOOK = 0.2, 10.0
@@ -220,6 +221,6 @@ def candidate_on(data: Measurement, present: Bundle, file: str, before: Candidat
         # the first step compiles the model: not when it is applied
         LiveModel(bundle).step(0.0, float(data.strain[0]), data.pressure[0].tolist(), 0.0)
     refusal = '' if new < old else (
-        f'{bundle.name} predicts the memory no better: {new:.3g} N against {old:.3g} N of '
+        f'{bundle.name} predicts the memory no better: {number(new)} N against {number(old)} N of '
         f'{present.name}')
     return Candidate(file, bundle, new, old, refusal)

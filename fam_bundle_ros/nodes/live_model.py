@@ -22,6 +22,7 @@ from fam_bundle_ros.discovery.holding import Holding, tolerance_of
 from fam_bundle_ros.discovery.locate import locate
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.told import number
 
 #: Number of samples from which the noise floor is estimated.
 _NOISE_SAMPLES = 1000
@@ -175,11 +176,12 @@ class ModelWatch:
         if not watch.looks:
             return 'WAITING for motion and samples to judge the model by'
         if watch.holds:
-            return (f'the model holds: its mean error was within {watch.tolerance:.2g} N wherever '
-                    f'the rig was ({watch.looks} looks)')
+            return (f'the model holds: its mean error was within {number(watch.tolerance, 2)} N '
+                    f'wherever the rig was ({watch.looks} looks)')
         ago = max(self._time - watch.since, 0.0)
         return (f'the model no longer holds, since about {ago:.0f} s ago: its mean error is '
-                f'beyond {watch.tolerance:.2g} N' + (f'; {self.where}' if self.where else ''))
+                f'beyond {number(watch.tolerance, 2)} N'
+                + (f'; {self.where}' if self.where else ''))
 
     def state(self) -> dict[str, Any]:
         """Return what goes out as JSON; numbers that are not known are None."""

@@ -33,6 +33,7 @@ from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.loops import PressureLoops
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.supply_enable import TIMEOUT
+from fam_bundle_ros.told import number
 
 #: Change of a pressure that must change the readings of force and strain, Pa.
 _MOVED = 30e3
@@ -325,7 +326,7 @@ class Oversight:
         if unit is None:
             return []
         return [f'mu{unit + 1} shows {kilopascals(self.pressure[unit])}, but a force of '
-                f'{self._force:.3g} N says that it is above {kilopascals(limits[unit])}']
+                f'{number(self._force)} N says that it is above {kilopascals(limits[unit])}']
 
     def release(self) -> None:
         """Reset the watches after `enable`."""

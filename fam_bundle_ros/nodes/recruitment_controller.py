@@ -202,7 +202,8 @@ class RecruitmentNode(BundleNode):
         if command.explanation:
             self.get_logger().info(command.explanation)
         self._off_target.update(self._now(), reference,
-                                {'force': measurement.force, 'strain': measurement.strain})
+                                {'force': measurement.force, 'strain': measurement.strain},
+                                command.saturated)
         if readable:
             self._guard.enter(self._now(), State.ACTIVE)
             return

@@ -8,6 +8,7 @@ from dataclasses import replace
 import math
 
 from fam_bundle_ros.control import Reference
+from fam_bundle_ros.told import number
 
 #: References with longer intervals than this are steps, s.
 _PAUSE = 0.5
@@ -27,6 +28,11 @@ _JITTER, _AGREE = 0.2, 2.0
 #: Time for which errors last longer than they are absent, beyond that of a transient, s.
 _PATIENCE = 2.0
 _UNITS = {'force': ' N', 'strain': ''}
+#: What the saturation of the command says about a reference that is missed.
+_REACH = {'high': 'out of reach, the pressures are at their highest',
+          'low': 'out of reach, the pressures are at their lowest',
+          'gap': 'not in reach of the present recruitment state',
+          '': 'the pressures are not at their limits'}
 
 
 class ReferenceRate:
@@ -145,7 +151,7 @@ class OffTarget:
     >>> for now in (0.0, 3.0):
     ...     watch.update(now, Reference('force', 60.0), {'force': 23.0, 'strain': 0.1})
     >>> watch.text
-    'force is 23, reference is 60 N, for 3.0 s'
+    'force is 23 N, reference is 60 N, for 3.0 s: the pressures are not at their limits'
     """
 
     def __init__(self, limits: Mapping[str, float]):
@@ -159,7 +165,8 @@ class OffTarget:
         #: Which quantity is off its reference, as text; empty for none.
         self.text = ''
 
-    def update(self, now: float, reference: Reference, measured: Mapping[str, float]) -> None:
+    def update(self, now: float, reference: Reference, measured: Mapping[str, float],
+               saturated: str = '') -> None:
         """
         Compare a reference with its reading.
 
@@ -169,6 +176,8 @@ class OffTarget:
         reference : Reference
         measured : mapping of str to float
             Readings of ``force`` (N) and ``strain``; nan for a missing one.
+        saturated : str
+            Of the command, as in `Command`.
         """
         kind = reference.kind
         if kind not in self._limits:
@@ -183,6 +192,8 @@ class OffTarget:
         if self._missed == 0.0:
             self._since = now - passed
         self._missed = min(max(self._missed + (passed if off else -passed), 0.0), _PATIENCE)
-        self.text = (f'{kind} is {value:.3g}, reference is {reference.value:.3g}'
-                     f'{_UNITS[kind]}, for {now - self._since:.1f} s'
+        unit = _UNITS[kind]
+        self.text = (f'{kind} is {number(value)}{unit}, reference is '
+                     f'{number(reference.value)}{unit}, for {now - self._since:.1f} s: '
+                     f'{_REACH[saturated]}'
                      ) if off and self._missed >= _PATIENCE else ''

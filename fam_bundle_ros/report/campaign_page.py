@@ -15,10 +15,12 @@ from fam_bundle_ros.report import campaign_figures as figures
 from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
-from fam_bundle_ros.told import counted
+from fam_bundle_ros.told import counted, number
 
 #: Largest number of trends that are drawn; all are in the table.
 _DRAWN = 6
+#: An error above this many times the noise is told, of so many recordings by name.
+_FAR, _NAMED = 3.0, 5
 #: Longer tables are folded.
 _LONG = 40
 
@@ -58,8 +60,10 @@ def _lead(result: Campaign) -> str:
 
 def _headline(result: Campaign) -> list[Headline]:
     duplicates = sum(bool(row['duplicate_of']) for row in result.recordings)
+    doubtful = f', {len(result.doubtful)} to check first' if result.doubtful else ''
     cards = [Headline('Recordings', str(len(result.recordings)),
-                      f'{len(result.failed)} failed, {counted(duplicates, "duplicate")}'),
+                      f'{len(result.failed)} failed, {counted(duplicates, "duplicate")}'
+                      f'{doubtful}'),
              Headline('Muscles', str(len(result.muscles)))]
     if result.counted:
         verdict, count = next(iter(result.verdicts.items()))
@@ -67,8 +71,9 @@ def _headline(result: Campaign) -> list[Headline]:
                               f'in {count} of {len(result.counted)}, the most frequent'))
         before, after = (float(np.median([row[key] for row in result.counted]))
                          for key in ('model_error_N', 'best_error_N'))
-        cards += [Headline('Error of the model', f'{before:.3g} N', 'rms, median of recordings'),
-                  Headline('Best', f'{after:.3g} N', 'with the effects found in each')]
+        cards += [Headline('Error of the model', f'{number(before)} N',
+                           'rms, median of recordings'),
+                  Headline('Best', f'{number(after)} N', 'with the effects found in each')]
     return cards
 
 
@@ -133,10 +138,22 @@ def _trends(result: Campaign) -> Section:
 def _errors(result: Campaign) -> Section:
     if not result.counted:
         return Section('Errors', 'No recording could be evaluated.')
-    return Section('Errors', '', [Picture(
+    high = sorted((row for row in result.counted if _over_noise(row) > _FAR),
+                  key=_over_noise, reverse=True)
+    text = '' if not high else (
+        f'With the effects found, {counted(len(high), "recording")} of {len(result.counted)} '
+        f'{"have" if len(high) > 1 else "has"} still more than {_FAR:g} times the noise: '
+        + ', '.join(f"{row['file']} ({_over_noise(row):.0f} times)" for row in high[:_NAMED])
+        + (f' and {len(high) - _NAMED} more.' if len(high) > _NAMED else '.'))
+    return Section('Errors', text, [Picture(
         'errors', 'Error of each recording', figures.errors(result),
         'Rms over all rows. If the best model is well above the noise floor, no effect of the '
         'catalogue explains the remaining error.')])
+
+
+def _over_noise(row: dict[str, Any]) -> float:
+    """Return the error with the effects found, relative to the noise."""
+    return float(row['best_error_N'] / max(row['noise_floor_N'], 1e-9))
 
 
 def _recordings(result: Campaign) -> Section:
@@ -144,14 +161,23 @@ def _recordings(result: Campaign) -> Section:
              '; '.join(part for part in (row['effects'], row['replaced'],
                                          row['removed'] and f"without {row['removed']}") if part),
              row['tied'], row['model_error_N'], row['best_error_N'], row['held_out_N'],
-             row['noise_floor_N']) for row in result.counted]
+             row['noise_floor_N'], _over_noise(row)) for row in result.counted]
     return Section('Recordings', '', [Table(
         ('file', 'muscle', 'verdict', 'effects', 'tied', 'error (N)', 'best (N)', 'held out (N)',
-         'noise (N)'), rows)] if rows else [], folded=len(rows) > _LONG)
+         'noise (N)', 'best / noise'), rows)] if rows else [], folded=len(rows) > _LONG)
 
 
 def _left_out(result: Campaign) -> list[Section]:
     items = []
+    if result.doubtful:
+        used = any(row['counted'] for row in result.doubtful)
+        items.append(Table(
+            ('file', 'check first', 'error (N)', 'noise (N)'),
+            [(row['file'], row['check_first'], row['model_error_N'], row['noise_floor_N'])
+             for row in result.doubtful],
+            'Counted all the same (--as-read).' if used else
+            'Not counted: correct the unit or sign in the file or in the recipe, and start again. '
+            'If the data are right, --as-read counts them.'))
     if result.failed:
         items.append(Table(('file', 'why it failed'),
                            [(row['file'], row['error']) for row in result.failed]))

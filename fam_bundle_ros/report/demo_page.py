@@ -20,6 +20,7 @@ from fam_bundle_ros.report.paper import PaperFigures
 from fam_bundle_ros.report.paper_plots import map_pictures
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.simulation import Log
+from fam_bundle_ros.told import number
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def demo_page(runs: Sequence[DemoRun], diagnosis: Diagnosis, found: Mapping[str,
     lead = (f'A bundle of {bundle.n} motor units was simulated with its ROS 2 interface and '
             f'followed {len(runs)} trajectories by recruiting and releasing its second unit. Then '
             'the ideal model of a muscle with published measurements was improved step by step: '
-            f'its error fell from {first["error_N"]:.3g} N to {last["error_N"]:.3g} N.')
+            f'its error fell from {number(first["error_N"])} N to {number(last["error_N"])} N.')
     return Page(
         'fam_bundle_ros: the demonstration', lead, _headline(found),
         [_what(runs, found), *(_run_section(run, bundle) for run in runs),
@@ -92,8 +93,8 @@ def _headline(found: Mapping[str, Any]) -> list[Headline]:
     for name, run in found['runs'].items():
         own = run['orderly']
         rms, largest = own['tracking_rms'], own['largest_error']
-        shown = (f'{rms:.3g} N', f'{largest:.3g} N') if run['kind'] == 'force' else (
-            f'{100 * rms:.3g} %', f'{100 * largest:.3g} %')
+        shown = (f'{number(rms)} N', f'{number(largest)} N') if run['kind'] == 'force' else (
+            f'{number(100 * rms)} %', f'{number(100 * largest)} %')
         cards.append(Headline(f'Tracking error, {name}', shown[0],
                               f'rms; largest {shown[1]}; {" → ".join(run["states"])}'))
     for name, run in found['runs'].items():
@@ -104,10 +105,10 @@ def _headline(found: Mapping[str, Any]) -> list[Headline]:
             'tracking error'))
     steps = found['model']['steps']
     cards.append(Headline('Model error, measured muscle',
-                          f'{steps[0]["error_N"]:.3g} → {steps[-1]["error_N"]:.3g} N',
+                          f'{number(steps[0]["error_N"])} → {number(steps[-1]["error_N"])} N',
                           f'verdict {found["model"]["verdict"].replace("_", " ")}; held out '
                           f'{_held(steps[-1])}; noise floor '
-                          f'{found["model"]["noise_floor_N"]:.3g} N'))
+                          f'{number(found["model"]["noise_floor_N"])} N'))
     return cards
 
 
@@ -154,7 +155,7 @@ def _measured(diagnosis: Diagnosis) -> list[Section]:
 
 def _held(step: Mapping[str, Any]) -> str:
     value = step.get('held_out_N')
-    return 'not computed' if value is None else f'{value:.3g} N'
+    return 'not computed' if value is None else f'{number(value)} N'
 
 
 def _capital(text: str) -> str:

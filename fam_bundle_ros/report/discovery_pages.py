@@ -12,9 +12,12 @@ from fam_bundle_ros.data.folds import KINDS
 from fam_bundle_ros.discovery import answer_figures, Comparison, Diagnosis, figures, Ladder
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
+from fam_bundle_ros.report import shapes
 from fam_bundle_ros.report.map_page import model_section
+from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
 from fam_bundle_ros.report.provenance import provenance
+from fam_bundle_ros.told import number
 
 Files = Sequence[tuple[str, str | Path]]
 #: Definition of the ladder's held-out error, for every caption.
@@ -50,8 +53,9 @@ def comparison_sections(result: Comparison, model: Bundle) -> list[Section]:
                         for r in result.located])]) if result.located else
         Section('Where it fails', 'In no region is the error above the noise.'),
         Section('Error in numbers', '', tables),
-        Section('Noise', f'The floor is {noise.value:.3g} N, from {noise.basis}. {noise.note}'
-                f'\n\nLack of fit {result.lack_of_fit:.3g}: mean square of the cell means, '
+        Section('Noise', f'The floor is {number(noise.value)} N, from {noise.basis}. '
+                f'{_sentence(noise.note) if noise.note else ""}'
+                f'\n\nLack of fit {number(result.lack_of_fit)}: mean square of the cell means, '
                 'relative to noise alone; about 1 for a correct model.', [
                     Table(('method', 'noise (N)', 'noise that it measures'), [
                         ('second differences', noise.differences,
@@ -69,10 +73,11 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
     error = result.error_N
     headline = [
         Headline('Verdict', result.verdict.replace('_', ' '), ', '.join(result.effects)),
-        Headline('Error of the model', f"{error['model']:.3g} N", 'rms, unchanged'),
-        Headline('Recalibrated', f"{error['recalibrated']:.3g} N", 'its own parameters refitted'),
-        Headline('Best', f"{error['best']:.3g} N", 'with the effects found'),
-        Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
+        Headline('Error of the model', f"{number(error['model'])} N", 'rms, unchanged'),
+        Headline('Recalibrated', f"{number(error['recalibrated'])} N",
+                 'its own parameters refitted'),
+        Headline('Best', f"{number(error['best'])} N", 'with the effects found'),
+        Headline('Noise floor', f'{number(result.noise.value)} N', result.noise.basis)]
     return Page(
         f'What {result.model.name} is missing',
         ' '.join(map(_sentence, (
@@ -95,14 +100,16 @@ def _sentence(text: str) -> str:
 def diagnosis_sections(result: Diagnosis) -> list[Section]:
     """Return candidates, ladder, parameters with intervals, and what to measure next."""
     sections = [_missing_section(result)]
-    if result.shapes_left and result.verdict in ('unexplained', 'partial'):
+    left = shapes.visible(result)
+    if left:
         sections.append(Section(
             'The remaining error', 'No effect of the catalogue explains it. These simple shapes '
-            'describe it best; one with a formula can be added to a model as an expression.',
+            'describe it best; one with a formula can be added to a model as an expression. '
+            f'Each explains a share {shapes.SHARE}, {shown(result.error_N["best"])} N rms.',
             [Table(('shape', 'formula', 'k', 'unit', 'explains (%)', 'takes (N rms)'),
                    [(t.words, t.expression or '', t.coefficient, t.unit, 100.0 * t.explained,
                      t.size_N)
-                    for t in result.shapes_left])]))
+                    for t in left])]))
     sections += _unseen_section(result)
     if len(result.ladder) > 1:
         sections.append(Section('Ladder', '', [ladder_picture(
@@ -179,9 +186,9 @@ def ladder_page(result: Ladder, orders: Mapping[str, Sequence[float]],
                    [(order, *errors) for order, errors in orders.items()])]))
     return Page(
         f'Ladder on {result.data}',
-        f'The error goes from {first["error_N"]:.3g} N ({first["step"]}) to '
-        f'{last["error_N"]:.3g} N ({last["step"]}); the noise floor is {result.noise.value:.3g} '
-        'N.', [], sections, provenance(files))
+        f'The error goes from {number(first["error_N"])} N ({first["step"]}) to '
+        f'{number(last["error_N"])} N ({last["step"]}); the noise floor is '
+        f'{number(result.noise.value)} N.', [], sections, provenance(files))
 
 
 def ladder_picture(steps: Sequence[Mapping[str, Any]], noise: float | None,
@@ -213,7 +220,7 @@ def _unseen_section(result: Diagnosis) -> list[Section]:
     kind = 'effects with the discrepancy' if found.leftover else 'effects alone'
     return [Section(
         'On held-out rows', 'Whole blocks are held out in turn. The recommended model '
-        f'({kind}) has an error of {found.held_out_N:.3g} N rms on them.', [
+        f'({kind}) has an error of {number(found.held_out_N)} N rms on them.', [
             Picture('unseen', 'Predicted and measured on held-out rows', drawing,
                     'Each point is the mean of neighbouring rows in a held-out block. On the '
                     'line, prediction and measurement are equal. Below: measured minus '
@@ -238,7 +245,7 @@ def _discrepancy_section(result: Diagnosis) -> list[Section]:
     return [Section('What no effect explains', '', [
         Picture('discrepancy', 'Discrepancy before and after', drawing,
                 'Smooth surface through the residual of a model: original model, recalibrated, at '
-                f'most {before:.3g} N; best model, {after:.3g} N. '
+                f'most {number(before)} N; best model, {number(after)} N. '
                 'Even: the same in both directions of motion; odd: while shortening, with the '
                 'opposite sign while lengthening; filling: at rest after a rise of the pressure, '
                 'with the opposite sign after a fall. Before and after have different scales. '
@@ -266,21 +273,21 @@ def _comparison_pictures(result: Comparison, model: Bundle) -> list[Picture]:
 
 def _comparison_headline(result: Comparison) -> list[Headline]:
     return [
-        Headline('Error', f'{result.error_N:.3g} N', f'rms, {100 * result.relative_error:.2g} % '
-                 'of the force'),
-        Headline('Mean', f'{result.bias_N:+.3g} N', 'measured minus model'),
-        Headline('Largest', f'{result.largest_N:.3g} N', ''),
-        Headline('Noise floor', f'{result.noise.value:.3g} N', result.noise.basis)]
+        Headline('Error', f'{number(result.error_N)} N',
+                 f'rms, {number(100 * result.relative_error, 2)} % of the force'),
+        Headline('Mean', f'{number(result.bias_N, sign=True)} N', 'measured minus model'),
+        Headline('Largest', f'{number(result.largest_N)} N', ''),
+        Headline('Noise floor', f'{number(result.noise.value)} N', result.noise.basis)]
 
 
 def _comparison_lead(result: Comparison) -> str:
     ratio = result.error_N / max(result.noise.value, 1e-12)
     if not result.located:
-        return (f'The error of the model is {result.error_N:.3g} N rms; in no region is it above '
-                f'the noise ({result.noise.value:.3g} N).')
+        return (f'The error of the model is {number(result.error_N)} N rms; in no region is it '
+                f'above the noise ({number(result.noise.value)} N).')
     worst = result.located[0]
-    return (f'The error of the model is {result.error_N:.3g} N rms, {ratio:.3g} times the noise. '
-            f'It fails most at: {worst.where} ({worst.error_N:.3g} N rms).')
+    return (f'The error of the model is {number(result.error_N)} N rms, {number(ratio)} times '
+            f'the noise. It fails most at: {worst.where} ({number(worst.error_N)} N rms).')
 
 
 def _data_rows(result: Comparison) -> list[tuple[str, str]]:

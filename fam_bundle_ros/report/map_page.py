@@ -13,6 +13,7 @@ from fam_bundle_ros.report.paper_plots import map_pictures
 from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.report.tendon_plots import tendon_pictures
 from fam_bundle_ros.report.tendons import Ends
+from fam_bundle_ros.told import number
 from fam_bundle_ros.units import express
 
 
@@ -33,8 +34,8 @@ def map_page(bundle: Bundle, figures: PaperFigures, model_file: str | Path,
     if f is not None:
         headline += [
             Headline('Free strain dip', f'{f.dip:.4f}', f.words),
-            Headline('Widest overlap of RS1 and RS2', f'{found["overlap_widest_N"]:.3g} N',
-                     f'at strain {found["overlap_widest_at_strain"]:.3g}')]
+            Headline('Widest overlap of RS1 and RS2', f'{number(found["overlap_widest_N"])} N',
+                     f'at strain {number(found["overlap_widest_at_strain"])}')]
     return Page(
         f'Map of {bundle.name}', lead, headline,
         [Section('Figures', '', pictures),

@@ -4,6 +4,8 @@
 
 from typing import Any
 
+from fam_bundle_ros.told import number
+
 
 def shown(value: Any) -> str:
     """
@@ -22,4 +24,4 @@ def shown(value: Any) -> str:
         return 'yes' if value else 'no'
     if not isinstance(value, float):
         return str(value)
-    return f'{value:.0f}' if 1e3 <= abs(value) < 1e6 else f'{value:.3g}'
+    return number(value)

@@ -9,6 +9,7 @@ from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.report.page import Picture
 from fam_bundle_ros.report.paper_plots import name_states, state_regions
 from fam_bundle_ros.report.tendons import Ends
+from fam_bundle_ros.told import number
 
 STUDY = 'Mazzoleni et al., Proc. SPIE 11374 (2020)'
 AXIS = 'contraction over the packaging length'
@@ -27,8 +28,8 @@ def tendon_pictures(ends: Ends) -> list[Picture]:
            'Our own: the tendon does not stretch, and the shorter muscle keeps radius and braid '
            'angle.')
     free = {name: float(each[-1]) for name, each in ends.free_strain.items()}
-    even = (f' A tendon of {1e3 * ends.even_tendon:.3g} mm gives the same free strain as fixed '
-            'ends at their minimum; a shorter one gives more.' if ends.even_tendon > 1e-5
+    even = (f' A tendon of {number(1e3 * ends.even_tendon)} mm gives the same free strain as '
+            'fixed ends at their minimum; a shorter one gives more.' if ends.even_tendon > 1e-5
             else '')
     return [
         Picture('ends-space', 'Force–strain space with fixed ends and with tendons',

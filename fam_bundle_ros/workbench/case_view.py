@@ -19,8 +19,9 @@ from fam_bundle_ros.workbench.side_view import SideView
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.page import Page
 
+#: Of the curves, which have open points only where the data have directions.
+_CURVES = 'Points: measured{}. Lines: model. Band: noise.'
 _CAPTIONS = {
-    'curves': 'Points: measured (open: lengthening). Lines: model. Band: noise.',
     'maps': 'Measured minus model. Even: the same in both directions of motion. Odd: what changes '
             'sign with the motion.',
     'loops': 'The error while shortening and while lengthening. Two separate branches: a loss '
@@ -182,13 +183,16 @@ class CaseView:
     def draw_figure(self) -> None:
         """Draw the chosen figure in a new box."""
         self.figure.clear()
-        self.caption.set_text(_CAPTIONS[self.tab])
+        data = self.session.data
+        caption = _CAPTIONS.get(self.tab) or _CURVES.format(
+            f' (open: {data.ways[1]})' if (data.direction < 0).any() else '')
+        self.caption.set_text(caption)
         drawn = self._drawn()
         with self.figure:
             if drawn is None:
                 parts.text('p', 'Nothing was measured in both directions at one pressure.')
                 return
-            self.plot = parts.plot(drawn, _CAPTIONS[self.tab].split('.')[0])
+            self.plot = parts.plot(drawn, caption.split('.')[0])
 
     def _drawn(self, move_ms: int = 0) -> dict[str, Any] | None:
         if self.tab == 'curves':
@@ -255,9 +259,14 @@ class CaseView:
             self.page.tell(f'the computation failed: {error}')
         finally:
             self.job = None
-            if not self.answer.is_deleted:
+            if not self.is_gone:
                 self.draw_answer()
         return None
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether another view is shown, or the browser left: then nothing can be drawn."""
+        return self.answer.is_deleted
 
     def stop(self) -> None:
         """Cancel what is running."""
@@ -270,8 +279,9 @@ class CaseView:
         found = await self.work(Job(worker.diagnose_job, step.model, self.session.data))
         if found is not None and self.session.steps and self.session.now is step:
             self.session.learn(found)
-            self.draw_answer()
-            self.side.draw()
+            if not self.is_gone:
+                self.draw_answer()
+                self.side.draw()
 
     async def change(self, change: Change, effect: Effect | None = None) -> None:
         """Add, replace or leave out an effect, and refit everything."""
@@ -303,7 +313,8 @@ class CaseView:
             return
         model, held_out = refitted
         await asyncio.to_thread(session.advance, label, model, held_out, since, effect)
-        self._moved()
+        if not self.is_gone:
+            self._moved()
 
     def undo(self) -> None:
         """Take the last step back."""

@@ -24,6 +24,8 @@ from fam_bundle_ros.workbench.thinning import thin_groups
 
 #: Largest number of points in a figure; more make the page slow.
 MOST_POINTS = 3000
+#: A step of the clock above this many usual ones is a gap.
+_GAP = 5.0
 #: A flat list, as Plotly.react does not return with the nested list of modeBarButtons.
 CONFIG = {'displaylogo': False, 'responsive': True, 'modeBarButtonsToRemove': [
     'select2d', 'lasso2d', 'zoomIn2d', 'zoomOut2d', 'autoScale2d']}
@@ -82,13 +84,15 @@ def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
     data, residual = session.data, session.residual()
     level, means = pressure_levels(data.pressure[:, varying_unit(data)])
     x = figures.running_clock(data) if over_time else data.strain
-    rows = np.flatnonzero(session.rows())
+    chosen = session.rows()
+    rows = np.flatnonzero(chosen)
     shown = rows[thin_groups(level[rows], residual[rows], MOST_POINTS)]
     span = max(float(np.ptp(means)), 1.0)
     traces: list[dict[str, Any]] = []
     for k, mean in enumerate(means):
         colour = palette.isobar((mean - means[0]) / span).light
-        traces += _isobar(session, x, shown[level[shown] == k], colour, over_time)
+        part = _stretches(x, data.trial, chosen & (level == k)) if over_time else data.trial
+        traces += _isobar(session, x, shown[level[shown] == k], colour, part)
     layout = copy.deepcopy(_base_layout(over_time))
     noise = session.noise
     layout['shapes'] = [
@@ -145,13 +149,28 @@ def loops(session: Session) -> go.Figure | None:
     return drawing
 
 
-def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, over_time: bool,
+def _stretches(time: np.ndarray, trial: np.ndarray, mine: np.ndarray) -> np.ndarray:
+    """
+    Return the number of the stretch of each row, (T,), for a line over time without false bridges.
+
+    A new one begins where other rows lie between, with a trial, and after a gap in the clock.
+    """
+    step = np.diff(time, prepend=time[:1])
+    begins = np.diff(trial, prepend=trial[:1]) != 0
+    return np.cumsum(~mine | begins | (step > _GAP * np.median(step[1:])))
+
+
+def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, part: np.ndarray,
             ) -> list[dict[str, Any]]:
-    """Return the traces of one isobar: model before, model, measured, error; always four."""
+    """
+    Return the traces of one isobar: model before, model, measured, error; always four.
+
+    ``part`` is, for each row, the number of the trial or stretch between which lines have gaps.
+    """
     data, residual, prediction = session.data, session.residual(), session.now.prediction
     before = (session.before or session.now).prediction
     lines = [{'type': 'scatter', 'mode': 'lines', 'name': name, 'hoverinfo': 'skip',
-              'xaxis': 'x', 'yaxis': 'y', **_path(data, x, values, rows, over_time),
+              'xaxis': 'x', 'yaxis': 'y', **_path(data, x, values, rows, part),
               'line': {'color': shade, 'dash': dash, 'width': width}}
              for name, values, shade, dash, width in (
                  ('model before', before, _BEFORE, 'dot', 1.2),
@@ -172,12 +191,12 @@ def _isobar(session: Session, x: np.ndarray, rows: np.ndarray, colour: str, over
     return lines + points
 
 
-def _path(data, x, values, rows, over_time):
-    """Return x and y of a model's line, with gaps between trials; a static map by strain."""
-    if data.is_static and not over_time:
+def _path(data, x, values, rows, part):
+    """Return x and y of a model's line, with gaps between parts; a static map by strain."""
+    if data.is_static:
         rows = rows[np.argsort(x[rows], kind='stable')]
         return {'x': _plain(x[rows]), 'y': _plain(values[rows])}
-    cuts = np.flatnonzero(np.diff(data.trial[rows]) != 0) + 1
+    cuts = np.flatnonzero(np.diff(part[rows]) != 0) + 1
     return {'x': _plain(np.insert(x[rows], cuts, np.nan)),
             'y': _plain(np.insert(values[rows], cuts, np.nan))}
 

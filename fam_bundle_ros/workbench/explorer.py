@@ -19,6 +19,7 @@ from fam_bundle_ros.model import Bundle, Overlap
 from fam_bundle_ros.report.paper import paper_figures, PaperFigures
 from fam_bundle_ros.report.paper_plots import state_regions
 from fam_bundle_ros.report.tendons import compare_ends, Ends
+from fam_bundle_ros.told import number
 from fam_bundle_ros.units import parse, spaced
 
 _HERE = palette.NEUTRAL['ink'].light
@@ -119,7 +120,7 @@ class Explorer:
         ends, told = self.ends, self.ends.summary()
         least = (f', {told["fixed"]["free_strain_least"]:.4f} at the minimum'
                  if ends.unit > 1 else '')
-        even = (f' Only tendons shorter than {1e3 * ends.even_tendon:.3g} mm give more free '
+        even = (f' Only tendons shorter than {number(1e3 * ends.even_tendon)} mm give more free '
                 'strain than the minimum with fixed ends.' if ends.even_tendon > 1e-5 else '')
         return (f'On tendons of {1e3 * ends.tendon:.4g} mm the muscles are '
                 f'{1e3 * (ends.packaging_length - ends.tendon):.4g} mm long and nothing pushes '

@@ -5,6 +5,9 @@
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
+from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
+
 from fam_bundle_ros.data.reading import Preview
 from fam_bundle_ros.workbench import parts
 from fam_bundle_ros.workbench.incoming import Column, Incoming
@@ -19,6 +22,8 @@ class IntakeView:
 
     def __init__(self, page: 'Page', incoming: Incoming):
         self.page, self.incoming = page, incoming
+        #: Of each column the line below it, and the box of its unit.
+        self.lines: dict[str, tuple[TextElement, ui.element | None]] = {}
         with parts.box('div', 'intake'):
             with parts.box('section', 'intake-head'):
                 self.kind = parts.text('span', '', 'muted small')
@@ -76,6 +81,7 @@ class IntakeView:
     def _draw_table(self, seen: Preview) -> None:
         columns = self.incoming.columns(seen)
         self.table.clear()
+        self.lines.clear()
         if not columns:
             return
         good = seen.measurement is not None
@@ -84,7 +90,8 @@ class IntakeView:
                 with parts.box('tr'):
                     for column in columns:
                         with parts.box('th', 'used' if column.quantity else ''):
-                            self._head(column, columns, good)
+                            self._head(column, columns)
+            self._draw_lines(columns, good)
             with parts.box('tbody'):
                 for k in range(max(len(column.cells) for column in columns)):
                     with parts.box('tr'):
@@ -92,7 +99,7 @@ class IntakeView:
                             parts.text('td', column.cells[k] if k < len(column.cells) else '',
                                        'num')
 
-    def _head(self, column: Column, among: list[Column], good: bool) -> None:
+    def _head(self, column: Column, among: list[Column]) -> None:
         parts.text('b', column.header)
         name = column.header
 
@@ -100,25 +107,48 @@ class IntakeView:
             self.incoming.change(column, among, **said)
             self.draw()
 
+        def calibrate(typed: str) -> None:
+            # not `draw`, by which the field that is typed into would be lost
+            self.incoming.change(column, among, scale=typed)
+            seen = self.incoming.look()
+            self._draw_state(seen)
+            self._draw_lines(self.incoming.columns(seen), seen.measurement is not None)
+
         options = self.incoming.quantities
         if column.quantity not in dict(options):
             options = [*options, (column.quantity, column.quantity)]
         parts.choose('', options, column.quantity, lambda value: change(quantity=value),
                      f'map:{name}:quantity', 'cell', f'what {name} is')
+        unit_box = None
         if column.quantity and column.quantity != 'trial':
             units = self.incoming.units_for(column.quantity, column.unit)
             with parts.box('div', 'pair'):
-                parts.choose('', [*([] if column.unit else [('', 'unit?')]),
-                                  *((text, text) for text in units)], column.unit,
-                             lambda value: change(unit=value), f'map:{name}:unit', 'cell',
-                             f'unit of {name}')
+                unit_box = parts.choose(
+                    '', [*([] if column.unit else [('', 'unit?')]),
+                         *((text, text) for text in units)], column.unit,
+                    lambda value: change(unit=value), f'map:{name}:unit', 'cell',
+                    f'unit of {name}')
                 if column.quantity != 'time':
                     parts.choose('', [('+', '+'), ('-', '−')], '-' if column.turned else '+',
                                  lambda value: change(turned=value == '-'), f'map:{name}:sign',
                                  'cell', f'sign of {name}')
-        mark = '✓ ' if good and column.quantity else ''
-        parts.text('span', mark + (column.why or ('used' if column.quantity else '')),
-                   'tick small' if mark else 'muted small')
+            if column.quantity != 'time':
+                parts.typed('', column.scale, calibrate, 'cell', f'map:{name}:scale',
+                            hint=self.incoming.hint(column.quantity),
+                            named=f'calibration of {name}: what one count is worth, and an offset')
+        self.lines[name] = parts.text('span', '', 'small'), unit_box
+
+    def _draw_lines(self, columns: list[Column], good: bool) -> None:
+        """Write below each column what it was taken for, or what is wrong with it."""
+        for column in columns:
+            line, unit_box = self.lines[column.header]
+            used = bool(column.quantity) and not column.wrong
+            line.set_text(('✓ ' if good and used else '')
+                          + (column.why or ('used' if used else '')))
+            line.classes(replace='small ' + ('wrong' if column.wrong else 'tick' if good and used
+                                             else 'muted'))
+            if unit_box is not None:  # the calibration has the unit
+                unit_box.set_visibility('*' not in column.scale)
 
     def _draw_constants(self) -> None:
         """Draw fields for constants that a file may lack: pressure of an isobar, sample rate."""

@@ -170,8 +170,12 @@ class Page:
         """Open an example that ships."""
         await self.guarded(lambda: self.session.open(load_example(key)))
 
-    async def take_file(self, name: str, content: bytes) -> None:
-        """Take an uploaded file, a measurement or the model to start from, in any order."""
+    async def take_file(self, name: str, content: bytes) -> bool:
+        """
+        Take an uploaded file, a measurement or the model to start from, in any order.
+
+        Returns whether it could be used.
+        """
         def take() -> None:
             incoming = self.session.incoming
             if intake.is_model(name):
@@ -181,7 +185,7 @@ class Page:
             self._take(incoming)
 
         async with self._files:
-            await self.guarded(take)
+            return await self.guarded(take)
 
     def _take(self, incoming: Incoming | None) -> None:
         """Open a file if its columns are clear and its model is known, else ask the user."""
@@ -241,11 +245,14 @@ class Page:
         except InputError as error:
             self.tell(str(error))
             return False
-        self.show()
+        if not self.messages.is_deleted:  # the browser may have left
+            self.show()
         return True
 
     def tell(self, said: str) -> None:
         """Show a message that stays until it is closed."""
+        if self.messages.is_deleted:
+            return
         self.messages.clear()
         with self.messages, parts.box('div', 'alert', 'alert'):
             parts.text('span', said, 'grow')

@@ -105,14 +105,20 @@ def choose(label: str, options: Sequence[tuple[str, str]], chosen: str,
 
 
 def typed(label: str, value: str, on_change: Callable[[str], Any], classes: str = '',
-          mark: str = '', code: bool = False, hint: str = '') -> ui.element:
-    """Return a text field with its label; changes are passed on after a short delay."""
+          mark: str = '', code: bool = False, hint: str = '', named: str = '') -> ui.element:
+    """
+    Return a text field with its label; changes are passed on after a short delay.
+
+    ``named`` is its label for screen readers, where none is shown.
+    """
     with box('label', f'field {classes}') as made:
-        text('span', label)
+        if label:
+            text('span', label)
         field = box('input', 'code' if code else '', mark)
         # not `value`, to which the browser would be reset at each redraw
         field._props.update(type='text', defaultValue=value, placeholder=hint, autocomplete='off',
-                            spellcheck='false', maxlength='500')
+                            spellcheck='false', maxlength='500',
+                            **({'aria-label': named} if named else {}))
         field.on('input', lambda event: on_change(str(event.args)[:500]), throttle=0.25,
                  leading_events=False, js_handler='(e) => emit(e.target.value)')
     return made

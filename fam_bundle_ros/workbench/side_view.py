@@ -13,6 +13,8 @@ from fam_bundle_ros.discovery import compare
 from fam_bundle_ros.discovery.result import Candidate
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import dumps_model
+from fam_bundle_ros.report import shapes
+from fam_bundle_ros.told import number
 from fam_bundle_ros.workbench import parts, takeaway
 from fam_bundle_ros.workbench.cases import Case
 from fam_bundle_ros.workbench.changes import Change
@@ -96,8 +98,7 @@ class SideView:
                         == candidate.shape) or (candidate.removes
                                                 and candidate.shape in found.removed):
                     self._swap(candidate)
-            if found.verdict in ('unexplained', 'partial'):
-                self._shapes()
+            self._shapes()
             parts.text('p', parts.sentence(f'to be surer: {found.next_experiment}'), 'muted small')
             others = [choice for choice in choices if not choice.found and not choice.rivals]
             if others:
@@ -136,7 +137,7 @@ class SideView:
                 if c.shape != c.effect:
                     self._fact('shape', parts.words(c.shape))
                 for e in c.parameters[:3]:
-                    self._fact(parts.words(e.key.partition('.')[2]), f'{e.value:.3g} {e.unit}')
+                    self._fact(parts.words(e.key.partition('.')[2]), f'{number(e.value)} {e.unit}')
             parts.text('p', parts.sentence(c.reason), 'small')
             if choice.rivals:
                 parts.text('p', '= A tie: these data cannot distinguish it from '
@@ -173,9 +174,13 @@ class SideView:
     def _shapes(self) -> None:
         found = self.session.diagnosis
         assert found is not None
-        for template in found.shapes_left[:3]:
+        left = shapes.visible(found)[:3]
+        if left:
+            parts.text('p', f'Shapes {shapes.SHARE}, {short(found.error_N["best"])} N rms, and '
+                       'their shares:', 'small')
+        for template in left:
             with parts.box('article', 'choice'):
-                parts.text('span', parts.sentence(str(template)))
+                parts.text('span', parts.sentence(shapes.described(template)))
                 if template.expression is not None:
                     with parts.box('div', 'row'):
                         parts.button('Use this shape', lambda template=template: self._own(
@@ -186,9 +191,9 @@ class SideView:
     def write_own(self) -> None:
         """Open the form for an own effect, filled with the best shape if there is one."""
         found = self.session.diagnosis
-        shapes = [] if found is None or found.verdict not in ('unexplained', 'partial') else [
-            t for t in found.shapes_left if t.expression is not None]
-        self._own(from_template(shapes[0]) if shapes else Draft(formula='-k * strain_rate',
+        left = [] if found is None else [t for t in shapes.visible(found)
+                                         if t.expression is not None]
+        self._own(from_template(left[0]) if left else Draft(formula='-k * strain_rate',
                                                                 place='loss'))
 
     def _own(self, draft: Draft) -> None:

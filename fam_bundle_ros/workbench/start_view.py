@@ -65,11 +65,12 @@ class StartView:
             parts.text('p', 'A log of strain (or length), pressure and force as your software '
                        'wrote it: CSV or text, Excel, LabVIEW, MATLAB, parquet, a ROS 2 bag. You '
                        'can check the meaning of each column before the computation.', 'small')
-            upload = ui.upload(label='Drop a measurement or a model file, or press +',
-                               multiple=True, auto_upload=True, max_file_size=intake.MAX_UPLOAD,
-                               on_upload=self._uploaded, on_rejected=self._rejected)
-            upload.props(f'accept="{",".join(intake.TAKEN)}" '
-                         'flat bordered hide-upload-btn').mark('upload')
+            self.upload = ui.upload(
+                label='Drop a measurement or a model file, or press +', multiple=True,
+                auto_upload=True, max_file_size=intake.MAX_UPLOAD, on_upload=self._uploaded,
+                on_rejected=self._rejected)
+            self.upload.props(f'accept="{",".join(intake.TAKEN)}" '
+                              'flat bordered hide-upload-btn').mark('upload')
             if self.page.pending_model is not None:
                 parts.text('p', f'Model {self.page.pending_model.name} is ready: now drop the '
                            'measurement.', 'small', 'model-ready')
@@ -101,7 +102,9 @@ class StartView:
             parts.text('span', example.origin[:1].upper() + example.origin[1:], 'muted small')
 
     async def _uploaded(self, event: events.UploadEventArguments) -> None:
-        await self.page.take_file(event.file.name, await event.file.read())
+        if not await self.page.take_file(event.file.name, await event.file.read()):
+            # or the browser would list it as done
+            self.upload.run_method('removeUploadedFiles')
 
     def _rejected(self) -> None:
         self.page.tell(f'this file is not accepted: expected one of '

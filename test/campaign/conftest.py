@@ -77,3 +77,20 @@ def alone(campaign, tmp_path_factory, once):
         out = tmp_path_factory.mktemp('alone') / 'out'
         return campaign(out, workers=1), out
     return once('campaign_alone', make)
+
+
+@pytest.fixture(scope='module')
+def in_psi(tmp_path_factory):
+    """Return a function that runs a campaign of a log, and of the same with psi called kPa."""
+    folder = tmp_path_factory.mktemp('psi')
+    record(folder, [('right', LENGTHS[0], 0.0)])
+    (folder / 'specimens.csv').unlink()
+    head, *rows = (folder / 'right.csv').read_text().splitlines()
+    slipped = [f'{length};{float(bar) * 100.0 / 6.894757:.4f};{force}'
+               for length, bar, force in (row.split(';') for row in rows)]
+    (folder / 'psi.csv').write_text('\n'.join([head.replace('bar', 'kPa'), *slipped]))
+    save_model(muscle(1e-3 * LENGTHS[0]), folder / 'model.yaml')
+
+    def run(**options):
+        return run_campaign(folder, folder / 'model.yaml', folder / 'out', workers=1, **options)
+    return run

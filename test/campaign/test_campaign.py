@@ -217,3 +217,69 @@ def test_results_and_hidden_files_are_no_recordings(tmp_path):
     found = find(folder)
     assert [(each.file, bool(each.problem)) for each in found] == [
         ('bag', False), ('link.csv', True)]
+
+
+@pytest.fixture
+def two(tmp_path):
+    """Return a folder with two recordings; a file with the name of one is beside the folder."""
+    folder = tmp_path / 'lab'
+    folder.mkdir()
+    for name, text in (('lab/a.csv', 'a'), ('lab/b.csv', 'b'), ('a.csv', 'another muscle')):
+        (tmp_path / name).write_text(text)
+    return folder
+
+
+def test_paths_of_the_table_start_at_its_folder(two):
+    """The table is one folder up; each file stays one recording, with its row."""
+    table = two.parent / 'spec.csv'
+    table.write_text('file,age\nlab/a.csv,30\n')
+    assert [(each.file, each.specimen is not None) for each in find(two, table)] == [
+        ('a.csv', True), ('b.csv', False)]
+
+
+@pytest.mark.parametrize('file', ['a.csv', 'b.csv'])
+def test_a_row_of_the_table_without_a_recording_is_told_with_the_path_that_was_meant(two, file):
+    """A file that is elsewhere, or nowhere, is no recording of this folder."""
+    table = two.parent / 'spec.csv'
+    table.write_text(f'file,age\n{file},30\n')
+    with pytest.raises(InputError, match=rf"spec\.csv, column 'file': '{file}' is not among the "
+                       rf"recordings in .*lab; expected a path .*, 'lab/{file}'"):
+        find(two, table)
+
+
+def test_rows_of_the_table_that_the_pattern_excludes_are_left_out(two):
+    """The table may be that of all recordings."""
+    (two / 'spec.csv').write_text('file,age\na.csv,30\nb.csv,40\n')
+    assert [each.file for each in find(two, two / 'spec.csv', 'a*')] == ['a.csv']
+
+
+def test_a_file_that_only_the_table_knows_as_a_recording_is_one(two):
+    """Its ending says nothing."""
+    (two / 'run.strange').write_text('c')
+    (two / 'spec.csv').write_text('file,age\nrun.strange,30\n')
+    assert [each.file for each in find(two, two / 'spec.csv')] == ['a.csv', 'b.csv', 'run.strange']
+
+
+def test_a_link_to_another_recording_is_no_second_one(two):
+    """Duplicates are different files of equal content."""
+    (two / '0_again.csv').symlink_to(two / 'b.csv')
+    assert [each.file for each in find(two)] == ['a.csv', 'b.csv']
+
+
+def test_a_recording_with_a_slip_of_unit_is_not_counted(in_psi):
+    """What it would need to fit is no physics; the words stand in its row."""
+    result = in_psi()
+    rows = {row['file']: row for row in result.recordings}
+    assert 'psi, not in kPa' in rows['psi.csv']['check_first']
+    assert [row['file'] for row in result.counted] == ['right.csv']
+    assert not result.shares
+    assert '0 duplicates, 1 to check first; 1 counted, of 1 muscle: ' in result.summary
+
+
+def test_a_recording_with_a_slip_counts_where_the_user_says_that_it_is_right(in_psi):
+    """Nothing is computed again for that."""
+    in_psi()
+    result = in_psi(as_read=True)
+    assert [row['file'] for row in result.counted] == ['psi.csv', 'right.csv']
+    assert {share.of for share in result.shares} == {2}
+    assert result.computed == 0

@@ -107,7 +107,7 @@ def test_a_right_model_leaves_what_noise_leaves(sweeps, paper_muscle):
 
 
 def test_motor_units_that_are_on_are_told_apart(paper_muscle):
-    """Those above a tenth of the highest pressure; isobars are those of the one that varies."""
+    """Those above a tenth of the highest pressure; an isobar has the pressures of both."""
     unit = paper_muscle.motor_units[0]
     bundle = Bundle('two', [MotorUnit(f'mu{k}', 1, unit.geometry) for k in (1, 2)],
                     paper_muscle.effects)
@@ -121,7 +121,43 @@ def test_motor_units_that_are_on_are_told_apart(paper_muscle):
     tables = compare(bundle, data).tables
     assert {row['label']: row['bias_N'] for row in tables['motor_unit']} == pytest.approx(
         {'none': 0.0, 'mu1': 1.0, 'mu1 + mu2': 2.0, 'mu2': 3.0}, abs=0.2)
-    assert [row['label'] for row in tables['pressure']] == ['mu2 0 kPa', 'mu2 400 kPa']
+    assert {row['label']: row['bias_N'] for row in tables['pressure']} == pytest.approx({
+        'mu1 0, mu2 0 kPa': 0.0, 'mu1 20, mu2 400 kPa': 3.0, 'mu1 300, mu2 0 kPa': 1.0,
+        'mu1 300, mu2 400 kPa': 2.0}, abs=0.2)
+
+
+def test_isobars_of_a_sweep_are_those_of_the_unit_that_varies_most(paper_muscle):
+    """All pairs of pressures would be a table without end."""
+    unit = paper_muscle.motor_units[0]
+    bundle = Bundle('two', [MotorUnit(f'mu{k}', 1, unit.geometry) for k in (1, 2)],
+                    paper_muscle.effects)
+    wave = np.linspace(0.0, 30.0, 600)
+    pressure = np.stack([1e5 * (1.0 + np.sin(wave)), 2e5 * (1.0 + np.cos(1.7 * wave))], -1)
+    strain = np.linspace(0.0, 0.2, 600)
+    data = build('two', strain, pressure, bundle.force(strain, pressure),
+                 motor_units=('mu1', 'mu2'))
+    rows = compare(bundle, data).tables['pressure']
+    assert len(rows) == 8
+    assert all(row['label'].startswith('mu2 ') for row in rows)
+
+
+def test_an_isobar_is_one_row_though_its_noise_crosses_an_edge(paper_muscle):
+    """Ramps between isobars leave no gaps: the range is cut into bins, here at 300 kPa."""
+    unit = paper_muscle.motor_units[0]
+    bundle = Bundle('two', [MotorUnit(f'mu{k}', 1, unit.geometry) for k in (1, 2)],
+                    paper_muscle.effects)
+    rng = np.random.default_rng(3)
+    first = np.concatenate([np.full(100, 150e3), np.linspace(150e3, 300e3, 100),
+                            300e3 + 300.0 * rng.standard_normal(200),
+                            np.linspace(300e3, 450e3, 100), np.full(100, 450e3)])
+    pressure = np.stack([first, np.repeat([0.0, 2e5], 300)], -1)
+    strain = np.tile(np.linspace(0.0, 0.2, 50), 12)
+    data = build('two', strain, pressure, bundle.force(strain, pressure),
+                 motor_units=('mu1', 'mu2'))
+    rows = {row['label']: row['samples'] for row in compare(bundle, data).tables['pressure']}
+    near = [count for label, count in rows.items() if 280 < int(label.split()[1][:-1]) < 320]
+    assert near == [125, 125]  # one without MU2, one with; 25 rows of a ramp in each
+    assert sum(rows.values()) == 600
 
 
 def test_the_figure_has_forces_above_and_residuals_below(compared):

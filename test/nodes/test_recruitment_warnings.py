@@ -37,7 +37,8 @@ def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
     graph.advance(rig, 2.3)
     assert node._off_target.text == ''
     graph.advance(rig, 1.2)
-    graph.until(lambda: warned('reference is 400 N, for'), 'the warning')
+    graph.until(lambda: warned(' N, reference is 400 N, for')
+                and warned(' s: out of reach, the pressures are at their highest'), 'the warning')
     assert 'off target' in node._said
     graph.advance(rig, 1.3)
     assert node._off_target.text == ''

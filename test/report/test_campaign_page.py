@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of a campaign: what each muscle lacks, what goes with what, what was left out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,9 +18,12 @@ from fam_bundle_ros.report.page import render
 def recording(file, muscle, status='done', **other):
     """Return the row of a recording."""
     return {'file': file, 'muscle': muscle, 'status': status, 'error': '', 'duplicate_of': '',
-            'in_table': True, 'verdict': 'missing_effect', 'effects': 'end_caps', 'replaced': '',
-            'removed': '', 'tied': '', 'model_error_N': 8.0, 'recalibrated_error_N': 3.0,
-            'best_error_N': 0.5, 'held_out_N': 0.6, 'noise_floor_N': 0.4, **other}
+            'check_first': '', 'in_table': True, 'verdict': 'missing_effect',
+            'effects': 'end_caps', 'replaced': '', 'removed': '', 'tied': '',
+            'model_error_N': 8.0, 'recalibrated_error_N': 3.0, 'best_error_N': 0.5,
+            'held_out_N': 0.6, 'noise_floor_N': 0.4,
+            'counted': status == 'done' and not {'duplicate_of', 'check_first'} & set(other),
+            **other}
 
 
 def effect(file, muscle, name, probability, named=False, tied=False):
@@ -94,6 +99,26 @@ def test_the_page_says_what_is_missing_and_what_was_left_out(found):
         ['<bad>.csv'], ['copy.csv'], ['c.csv']]
     assert '&lt;bad&gt;.csv' in text
     assert '<bad>' not in text
+
+
+def test_the_page_says_which_recordings_to_check_first(found):
+    """With the words, and that they are not counted; or that they are, where this was asked."""
+    slip = 'with pressures in psi, not in kPa the model would be off by 2 N'
+    for counted, said in ((False, 'Not counted: correct'), (True, 'Counted all the same')):
+        page = campaign_page(replace(found, recordings=[
+            *found.recordings, recording('e.csv', 'e', check_first=slip, counted=counted)]))
+        table = page.sections[-2].items[0]
+        assert table.rows[0][:2] == ('e.csv', slip)
+        assert said in render(page)
+        assert '1 to check first' in page.headline[0].note
+
+
+def test_the_page_names_recordings_whose_error_stays_far_above_the_noise(found):
+    """Whatever their verdict is."""
+    rows = [*found.recordings, recording('f.csv', 'f', verdict='recalibrate', best_error_N=40.0)]
+    text = render(campaign_page(replace(found, recordings=rows)))
+    assert ('1 recording of 5 has still more than 3 times the noise: f.csv (100 times).' in text)
+    assert '3 times the noise' not in render(campaign_page(found))
 
 
 def test_a_campaign_in_which_all_failed_has_a_page():

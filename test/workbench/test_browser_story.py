@@ -158,6 +158,16 @@ def test_a_bad_file_is_told_and_the_page_goes_on(watched, tmp_path):
     shows(page, '.answer', 'hidden_friction_start')
 
 
+def test_a_refused_file_is_not_listed_as_done(watched, tmp_path):
+    """The message says why; no tick of the upload says otherwise."""
+    notes = tmp_path / 'notes.txt'
+    notes.write_text('we measured\non a Monday\n')
+    page = watched().open()
+    page.set_input_files('input[type=file]', notes)
+    page.wait_for_selector('[data-mark="alert"]')
+    page.wait_for_selector('.q-uploader__file', state='detached')
+
+
 def test_every_figure_is_drawn_and_a_region_zooms_it(watched):
     """Curves, maps and loops have traces; a region frames and zooms, and lets go again."""
     tab = watched()

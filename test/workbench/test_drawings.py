@@ -105,6 +105,43 @@ def long_session():
     return made
 
 
+def ramps(gap=0.0):
+    """Return a session: pressure up and down twice, the second time after a gap of the clock."""
+    case = load_example('hidden_friction')
+    pressure = np.tile(np.r_[np.linspace(1e5, 4e5, 60), np.linspace(4e5, 1e5, 60)], 2)
+    time = np.arange(240.0)
+    time[120:] += gap
+    made = Session()
+    made.open(replace_case(case, build('ramps', np.full(240, 0.05), pressure[:, None],
+                                       pressure / 1e4, None, time)))
+    return made
+
+
+def lines(figure):
+    """Return the stretches (first and last time) of each line of the model."""
+    found = []
+    for trace in figure['data']:
+        if trace['name'] == 'model':
+            x = np.array(trace['x'], float)
+            found.append([(part[np.isfinite(part)][0], part[np.isfinite(part)][-1])
+                          for part in np.split(x, np.flatnonzero(np.isnan(x)))])
+    return found
+
+
+def test_a_line_over_time_has_a_gap_where_another_isobar_was_measured():
+    """From the rise to the fall of the pressure nothing was measured at the lowest isobar."""
+    lowest = lines(drawings.main_figure(ramps(), over_time=True))[0]
+    assert [(start < 20, 100 < start < 140, start > 200) for start, _ in lowest] == [
+        (True, False, False), (False, True, False), (False, False, True)]
+
+
+def test_a_line_over_time_has_a_gap_where_the_clock_has_one():
+    """Nobody knows what was between."""
+    lowest = lines(drawings.main_figure(ramps(gap=500.0), over_time=True))[0]
+    assert not any(first < 300.0 < last for first, last in lowest)
+    assert len(lowest) == 4
+
+
 def replace_case(case, data):
     """Return the case with other data."""
     return Case(case.title, case.origin, data, case.model)

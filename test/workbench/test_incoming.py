@@ -134,3 +134,71 @@ def test_as_many_muscles_as_pressures_are_suggested(incoming):
     assert 'not in the data sheet' in form.text()
     form.type('wall_thickness', '2 mm')
     assert 'wall_thickness' not in form.sources
+
+
+VOLTS = {'t_ms': 100.0 * np.arange(ROWS), 'U_Kraft [V]': COLUMNS['A [N]'] / 50.0 + 0.5,
+         'U_p1 [V]': COLUMNS['p1 [bar]'] + 0.5, 'U_Weg [V]': (127.0 - COLUMNS['L [mm]']) / 40.0}
+
+
+@pytest.fixture
+def volts():
+    """Return a file of voltages with a muscle of 127 mm."""
+    made = Incoming('volts.csv', 'your own file', of_arrays('volts.csv', 'text', VOLTS))
+    made.muscle.type('length', '127')
+    return made
+
+
+def test_voltages_are_read_by_what_one_volt_is_worth(volts):
+    """The same words as those of `--columns`: a factor with its unit, and an offset."""
+    assert volts.said(volts.look().problem).endswith(
+        'choose its column in the table, with a unit or what one V is worth')
+    for header, quantity, scale in (('U_Kraft [V]', 'force', '* 50 N - 25 N'),
+                                    ('U_p1 [V]', 'pressure', '* 1 bar - 0.5 bar'),
+                                    ('U_Weg [V]', 'contraction', '* 40 mm')):
+        volts.change(*column(volts, header), quantity=quantity)
+        volts.change(*column(volts, header), scale=scale)
+    data = volts.measurement()
+    assert np.allclose(data.force, COLUMNS['A [N]'])
+    assert np.allclose(data.pressure[:, 0], 1e5 * COLUMNS['p1 [bar]'])
+    assert np.allclose(data.strain, 1.0 - COLUMNS['L [mm]'] / 127.0)
+    again = read_measurement(VOLTS, columns=volts.told, rest_length='127 mm')
+    assert np.array_equal(again.force, data.force)
+
+
+def test_an_error_of_one_column_leaves_the_others_as_they_were(volts):
+    """It stands beside its column; a choice for another stays too."""
+    volts.change(*column(volts, 'U_Weg [V]'), quantity='contraction')
+    volts.change(*column(volts, 'U_Weg [V]'), scale='* 40 mm')
+    volts.change(*column(volts, 'U_Kraft [V]'), quantity='force')
+    seen = {each.header: each for each in volts.columns(volts.look())}
+    assert (seen['U_Kraft [V]'].quantity, seen['U_Kraft [V]'].wrong) == ('force', True)
+    assert seen['U_Kraft [V]'].why == "unit 'V' does not fit; expected a unit like N"
+    assert (seen['t_ms'].quantity, seen['U_Weg [V]'].quantity) == ('time', 'contraction')
+    assert seen['U_Weg [V]'].scale == '* 40 mm'
+
+
+@pytest.mark.parametrize(('typed', 'told'), [
+    ('50 N/V', 'U_Kraft [V] * 50 N/V'), ('* 50 N', 'U_Kraft [V] * 50 N'),
+    ('force=U_Kraft * 50 N - 25 N', 'U_Kraft [V] * 50 N - 25 N'), ('', 'U_Kraft [V]')])
+def test_a_calibration_may_be_pasted_from_an_advice(volts, typed, told):
+    """Or be only the worth of a volt."""
+    volts.change(*column(volts, 'U_Kraft [V]'), quantity='force')
+    volts.change(*column(volts, 'U_Kraft [V]'), scale=typed)
+    assert volts.told['force'] == told
+
+
+def test_an_offset_alone_keeps_the_unit_of_the_column(incoming):
+    """A length from another zero, in another unit, turned round."""
+    incoming.change(*column(incoming, 'A [N]'), quantity='force')
+    incoming.change(*column(incoming, 'A [N]'), scale='- 3 N')
+    incoming.change(*column(incoming, 'A [N]'), turned=True)
+    assert np.allclose(incoming.measurement().force, -COLUMNS['A [N]'] - 3.0)
+
+
+def test_words_that_are_no_calibration_are_told_with_an_example(volts):
+    """Beside the column, not as a column that is not there."""
+    volts.change(*column(volts, 'U_Kraft [V]'), quantity='force')
+    volts.change(*column(volts, 'U_Kraft [V]'), scale='a lot')
+    assert volts.look().problem == (
+        "volts.csv: column 'U_Kraft [V]': 'a lot' is no calibration; expected one like "
+        "'* 50 N - 2 N'")

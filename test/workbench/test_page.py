@@ -5,14 +5,16 @@
 import asyncio
 import re
 
-from nicegui import ui
+from nicegui import Client, ui
 from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.testing.user_simulation import user_simulation
 import pytest
 
 from fam_bundle_ros.discovery import compare
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.workbench.cases import EXAMPLES, load_example
+from fam_bundle_ros.workbench.jobs import Job
 from fam_bundle_ros.workbench.page import root
 from fam_bundle_ros.workbench.session import short
 
@@ -83,6 +85,29 @@ async def test_cancel_leaves_everything_as_it_was(user):
     await user.should_not_see('probability')
 
 
+@pytest.mark.parametrize('outcome', ['found', 'failed'])
+async def test_a_browser_that_left_during_a_diagnosis_is_not_drawn_to(
+        user, outcome, friction_found, monkeypatch):
+    """The log stays clean, and what was found is there when the tab is opened again."""
+    await open_first(user)
+    client = user.client
+
+    async def leave(job):
+        client.delete()
+        if outcome == 'failed':
+            raise InputError('no')
+        return friction_found
+
+    monkeypatch.setattr(Job, 'run', leave)
+    drawn = []
+    monkeypatch.setattr(Client, 'check_existence', lambda self: drawn.append(self._deleted))
+    user.find(marker='diagnose').click()
+    await asyncio.sleep(0.5)
+    assert not any(drawn)
+    await opened(user)
+    await sees(user, 'Found: Coulomb friction' if outcome == 'found' else 'What is missing?')
+
+
 async def test_an_uploaded_measurement_asks_for_the_muscle(user):
     """A dropped CSV shows its columns and opens once the muscle is told: none is assumed."""
     await upload(user, 'mine.csv', DATA.read_bytes())
@@ -118,6 +143,23 @@ async def test_a_column_is_told_on_the_page(user):
     user.find(marker='map:Kanal 3:unit').trigger('change', 'lbf')
     await sees(user, 'force -192 to 882 N')
     await user.should_see('✓ used')
+
+
+async def test_voltages_are_told_on_the_page(user):
+    """What one volt is worth: typed beside the column, which says until then what is expected."""
+    head, *rows = DATA.read_text().splitlines()
+    place = head.split(',').index('force [N]')
+    cells = [row.split(',') for row in rows]
+    for row in cells:
+        row[place] = f'{float(row[place]) / 50.0:.6f}'
+    await upload(user, 'volts.csv', '\n'.join([head.replace('force [N]', 'U_F [V]'),
+                                               *map(','.join, cells)]).encode())
+    await sees(user, 'in V: tell what one V is worth')
+    user.find(marker='map:U_F [V]:quantity').trigger('change', 'force')
+    await sees(user, "unit 'V' does not fit; expected a unit like N")
+    user.find(marker='map:U_F [V]:scale').trigger('input', '* 50 N')
+    await sees(user, '✓ as told: * 50 N')
+    await user.should_see('force -43')
 
 
 async def test_a_model_dropped_first_is_used(user):
@@ -179,6 +221,18 @@ async def test_a_bad_file_is_told_on_the_page(user, name, content, said):
     user.find(marker='intake:other' if asks else 'close-alert').click()
     await user.should_not_see(said)
     await open_first(user)
+
+
+async def test_the_caption_names_a_direction_only_where_there_is_one(user):
+    """A static map has none."""
+    await open_first(user)
+    await user.should_see('Points: measured (open: lengthening).')
+    user.find(marker='start-over').click()
+    for ending in ('model.yaml', 'csv'):
+        await asyncio.sleep(0.3)
+        await upload(user, f'map.{ending}',
+                     config_path(f'data/dmsp20_static_map.{ending}').read_bytes())
+    await sees(user, 'Points: measured. Lines: model.')
 
 
 async def test_selecting_draws_the_selected(user):
