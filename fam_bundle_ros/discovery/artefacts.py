@@ -22,6 +22,7 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells, negligible
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
+from fam_bundle_ros.told import number
 
 #: Places over the range of strain and of each pressure, to which a motion returns.
 _PLACES = 20
@@ -132,8 +133,8 @@ def _contradictions(fitter: Fitter, chosen: Fit) -> Iterator[Artefact]:
     size = _within(place, _unexplained(fitter, chosen))
     if size is not None and size > negligible(cells):
         yield Artefact(
-            f'rows of the same strain, pressure and direction differ by {size:.3g} N rms, the '
-            f'noise is {cells.noise:.2g} N: two muscles in one file, or something that was not '
+            f'rows of the same strain, pressure and direction differ by {number(size)} N rms, the '
+            f'noise is {number(cells.noise, 2)} N: two muscles in one file, or something that was not '
             'recorded',
             'look at the rows of one strain and pressure, and log the time of each row')
 
@@ -152,7 +153,7 @@ def _vibrations(fitter: Fitter, chosen: Fit, physics: Fit) -> Iterator[Artefact]
              or vibration(data, _unexplained(fitter, chosen), cells.noise))
     if found is not None and found.amplitude > np.sqrt(2.0) * settings.VISIBLE * cells.noise:
         yield Artefact(
-            f'the force swings by {found.amplitude:.2g} N with a period of {found.period:.2g} s, '
+            f'the force swings by {number(found.amplitude, 2)} N with a period of {found.period:.2g} s, '
             'whatever the strain and the pressure: vibration of the rig, or hum that looks slow '
             'at this sampling rate',
             'log the load cell at rest, with and without the drives, pumps and fans nearby, and '
@@ -163,7 +164,7 @@ def _drifts(fitter: Fitter, fit: Fit) -> Iterator[Artefact]:
     size, time = drift(fitter.covariance, fit), settings.TIME_LENGTHS[fit.hyper.tau]
     if size > negligible(fitter.cells):
         yield Artefact(
-            f'the error drifts by {size:.2g} N rms within the trials, over about {time:g} s, '
+            f'the error drifts by {number(size, 2)} N rms within the trials, over about {time:g} s, '
             'whatever the strain and the pressure',
             'log a trial at constant strain and pressure: it shows whether the load cell or the '
             'muscle drifts')

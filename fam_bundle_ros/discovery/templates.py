@@ -26,6 +26,7 @@ from fam_bundle_ros.model import Bundle, catalogue, Effect, Parameter
 from fam_bundle_ros.model.expression import expression_law, usual_place
 from fam_bundle_ros.model.laws.discrepancy import ROUNDING
 from fam_bundle_ros.model.scan import affine_scan
+from fam_bundle_ros.told import number
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Template:
 
     def __str__(self) -> str:
         coefficient = f'{self.coefficient:.3g} {self.unit}'.rstrip()
-        return (f'{self.words}: {self.size_N:.2g} N rms (k = {coefficient}), explains '
+        return (f'{self.words}: {number(self.size_N, 2)} N rms (k = {coefficient}), explains '
                 f'{100 * self.explained:.0f} %')
 
     def to_dict(self) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from fam_bundle_ros.discovery.posterior import Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding, is_enough
 from fam_bundle_ros.model import Bundle, catalogue
-from fam_bundle_ros.told import counted
+from fam_bundle_ros.told import counted, number
 
 Ties = tuple[tuple[str, ...], ...]
 #: Most trades named in the summary; all are in a list of the diagnosis.
@@ -80,7 +80,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         Rms errors ``recalibrated`` and ``best``, the latter in the ``used`` rows alone (see
         `error_of_used`), and the noise floor ``noise``, N.
     """
-    faint = (f'; {finding.faint:.2g} N rms of a smooth shape are left, less than half the noise '
+    faint = (f'; {number(finding.faint, 2)} N rms of a smooth shape are left, less than half the noise '
              'of a row: a smaller --unexplained searches for effects of this size'
              if finding.faint else '')
     if finding.verdict == 'adequate':
@@ -96,7 +96,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         shape = _shape(shapes, 'no plain shape')
         near = ' and '.join(map(what, found))
         why = '; '.join(finding.refusals) or (
-            f'{finding.after.shown:.2g} N of structure would be left')
+            f'{number(finding.after.shown, 2)} N of structure would be left')
         return ('the error has a structure that no effect of the catalogue explains; it looks '
                 f'like this: {shape}' + (f' (nearest: {near}, but {why})' if near else ''))
     text, s = ' and '.join(map(what, answer)), 's' if len(answer) == 1 else ''
@@ -128,7 +128,7 @@ def _left(finding: Finding, best: float) -> str:
     """Return the size of the discrepancy; it may exceed the error of a distorted model."""
     left = finding.after.shown
     near = ' if the dimensions stay near their usual values' if left > best else ''
-    return f'a smooth discrepancy of {left:.2g} N is left{near}'
+    return f'a smooth discrepancy of {number(left, 2)} N is left{near}'
 
 
 def _down_to(noise_only: str, error: Mapping[str, float]) -> str:
