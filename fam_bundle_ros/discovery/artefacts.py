@@ -134,8 +134,8 @@ def _contradictions(fitter: Fitter, chosen: Fit) -> Iterator[Artefact]:
     if size is not None and size > negligible(cells):
         yield Artefact(
             f'rows of the same strain, pressure and direction differ by {number(size)} N rms, the '
-            f'noise is {number(cells.noise, 2)} N: two muscles in one file, or something that was not '
-            'recorded',
+            f'noise is {number(cells.noise, 2)} N: two muscles in one file, or something that was '
+            'not recorded',
             'look at the rows of one strain and pressure, and log the time of each row')
 
 
@@ -153,9 +153,9 @@ def _vibrations(fitter: Fitter, chosen: Fit, physics: Fit) -> Iterator[Artefact]
              or vibration(data, _unexplained(fitter, chosen), cells.noise))
     if found is not None and found.amplitude > np.sqrt(2.0) * settings.VISIBLE * cells.noise:
         yield Artefact(
-            f'the force swings by {number(found.amplitude, 2)} N with a period of {found.period:.2g} s, '
-            'whatever the strain and the pressure: vibration of the rig, or hum that looks slow '
-            'at this sampling rate',
+            f'the force swings by {number(found.amplitude, 2)} N with a period of '
+            f'{found.period:.2g} s, whatever the strain and the pressure: vibration of the rig, '
+            'or hum that looks slow at this sampling rate',
             'log the load cell at rest, with and without the drives, pumps and fans nearby, and '
             'at another sampling rate')
 
@@ -164,7 +164,7 @@ def _drifts(fitter: Fitter, fit: Fit) -> Iterator[Artefact]:
     size, time = drift(fitter.covariance, fit), settings.TIME_LENGTHS[fit.hyper.tau]
     if size > negligible(fitter.cells):
         yield Artefact(
-            f'the error drifts by {number(size, 2)} N rms within the trials, over about {time:g} s, '
-            'whatever the strain and the pressure',
+            f'the error drifts by {number(size, 2)} N rms within the trials, over about '
+            f'{time:g} s, whatever the strain and the pressure',
             'log a trial at constant strain and pressure: it shows whether the load cell or the '
             'muscle drifts')

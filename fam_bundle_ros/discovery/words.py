@@ -80,8 +80,8 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         Rms errors ``recalibrated`` and ``best``, the latter in the ``used`` rows alone (see
         `error_of_used`), and the noise floor ``noise``, N.
     """
-    faint = (f'; {number(finding.faint, 2)} N rms of a smooth shape are left, less than half the noise '
-             'of a row: a smaller --unexplained searches for effects of this size'
+    faint = (f'; {number(finding.faint, 2)} N rms of a smooth shape are left, less than half the '
+             'noise of a row: a smaller --unexplained searches for effects of this size'
              if finding.faint else '')
     if finding.verdict == 'adequate':
         return 'the model explains ' + _down_to('the data down to their noise', error) + faint
