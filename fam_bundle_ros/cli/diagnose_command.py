@@ -141,9 +141,8 @@ def _show_diagnosis(result: Any, recordings: list[str], reading: Reading, model:
         console.print(f'cannot be distinguished in these data: {", ".join(group)}')
     if result.parameters:
         parameter_table(result.parameters)
-    from fam_bundle_ros.report import shapes
-    _list(f'shapes of the remaining error (% {shapes.SHARE})',
-          [shapes.described(each) for each in shapes.visible(result)])
+    from fam_bundle_ros.discovery.templates import SHARE
+    _list(f'shapes of the remaining error (% {SHARE})', result.shapes_left)
     if result.verdict != 'adequate':
         _list('where the model fails', result.located)
     console.print(f'[bold]next[/bold]: {escape(result.next_experiment)}', soft_wrap=True)

@@ -315,7 +315,7 @@ class Fitter:
         found = self._annealed(fit, 25)
         return self._finished(fit, found, found[0])
 
-    def of_some(self, fit: Fit, kept: np.ndarray) -> Point:
+    def refit_to(self, fit: Fit, kept: np.ndarray) -> Point:
         """
         Return the most probable point of a set fitted to some of the cells, (n,) bool.
 

@@ -141,7 +141,7 @@ def squares_of_folds(fitter: Fitter, fit: Fit) -> np.ndarray:
     cells = fitter.cells
     found, rows = [], 0.0
     for _, train, test in folds(cells):
-        off = _without(fitter, fit, train)[1][test]
+        off = fitter.refit_to(fit, train)[1][test]
         found.append(float(np.sum(cells.count[test] * off ** 2)))
         rows += float(cells.count[test].sum())
     if not found:
@@ -175,7 +175,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
                                for _, train, test in every]
     for (kind, train, test), of_rivals in zip(every, fitter.rival_errors):
         weight = cells.count[test]
-        u, residual = _without(fitter, physics, train)
+        u, residual, _ = fitter.refit_to(physics, train)
         alone = with_table = residual[test]
         if hyper is not None:
             model = with_coordinates(physics.model, physics.priors, u)
@@ -195,11 +195,6 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         {kind: tuple(np.sqrt(squares[kind][:2] / counts[kind]).tolist()) for kind in kinds},
         {kind: Unseen(*np.concatenate(seen[kind], axis=1)) for kind in kinds},
         means[BLIND], np.array(of_folds) / sum(counts.values()))
-
-
-def _without(fitter: Fitter, fit: Fit, train: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return u and the residual of all cells after a refit to the training cells."""
-    return fitter.of_some(fit, train)[:2]
 
 
 def _on_a_table(fitter: Fitter, model: Bundle, hyper: Hyper, train: np.ndarray, test: np.ndarray,

@@ -19,7 +19,7 @@ from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
 from fam_bundle_ros.discovery.posterior import LikelySet, Trade
-from fam_bundle_ros.discovery.templates import Template
+from fam_bundle_ros.discovery.templates import SHARE, Template
 from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
@@ -191,7 +191,7 @@ class Diagnosis(Told):
         Shifts of the best model's own parameters, in tolerances.
     best, recalibrated : Bundle
     shapes_left : tuple of Template
-        Simple shapes that the remaining error resembles.
+        Simple shapes that the remaining error resembles; empty for a verdict that leaves none.
     notes : tuple of str
     rows_left_out : int
         Spikes, rows whose direction of motion is not known, and rows of visits beyond the largest
@@ -264,8 +264,8 @@ class Diagnosis(Told):
         if self.parameters:
             lines.append('parameters of the best model')
             lines += [f'  {estimate}' for estimate in self.parameters]
-        if self.shapes_left and self.verdict in ('unexplained', 'partial'):
-            lines.append('the error that is left looks like')
+        if self.shapes_left:
+            lines.append(f'the error that is left looks like (% {SHARE})')
             lines += [f'  {template}' for template in self.shapes_left]
         if self.located:
             lines.append('where the model fails')

@@ -69,8 +69,8 @@ class Template:
     constants: tuple[tuple[str, float, str], ...] = ()
 
     def __str__(self) -> str:
-        coefficient = f'{self.coefficient:.3g} {self.unit}'.rstrip()
-        return (f'{self.words}: {number(self.size_N, 2)} N rms (k = {coefficient}), explains '
+        coefficient = f'{number(self.coefficient)} {self.unit}'.rstrip()
+        return (f'{self.words}: {number(self.size_N)} N rms (k = {coefficient}), '
                 f'{100 * self.explained:.0f} %')
 
     def to_dict(self) -> dict[str, Any]:
@@ -98,6 +98,10 @@ class Template:
                               (coefficient, *others))()
 
 
+#: To what the shares of shapes refer.
+SHARE = 'of the mean square error that the best model leaves'
+#: Least share that is not printed as 0 %.
+_LEAST = 0.005
 #: Words for a loss, and for the same with the other sign: play or delay, not friction.
 _OPPOSITE = {'against the motion': 'with the motion',
              'lower while filling': 'higher while filling'}
@@ -296,6 +300,8 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     """
     Return the shapes that best describe the residual of a fit, best first, one of each kind.
 
+    Without those below half the noise of a row, and those whose share would be printed as 0 %.
+
     Parameters
     ----------
     cells : Cells
@@ -324,7 +330,8 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     excess = max(float(r @ r), 1e-9)
     found: list[Template] = []
     for gain, weight, shape, size in scored:
-        if any(t.kind == shape.kind for t in found):
+        if (any(t.kind == shape.kind for t in found) or gain < _LEAST * excess
+                or size < settings.VISIBLE * cells.noise):
             continue
         coefficient = float(np.linalg.norm(weight) if len(weight) > 1 else weight[0])
         words = _signed(shape.words, coefficient)

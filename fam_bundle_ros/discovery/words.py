@@ -257,8 +257,10 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
                      f'tried: {untried}): measure on a dynamometer, or with other weights')
     if not held.kinds:
         notes.append('the data have no folds to leave out: held-out errors are those of the fit')
-    for words, fit in {id(final): ('the refit', final),
-                       id(base): ('recalibration alone', base)}.values():
+    refits = [('recalibration alone', base)]
+    if final is not base:
+        refits.insert(0, ('the refit', final))
+    for words, fit in refits:
         far = [f'{p.key} {u:+.1f}' for p, u in zip(fit.priors, fit.u)
                if abs(u) > 3.0 and p.key.startswith('geometry')]
         if far:

@@ -19,8 +19,8 @@ from fam_bundle_ros.told import counted, number
 
 #: Largest number of trends that are drawn; all are in the table.
 _DRAWN = 6
-#: An error above this many times the noise is told, of so many recordings by name.
-_FAR, _NAMED = 3.0, 5
+#: Number of recordings with the largest errors that are named.
+_NAMED = 5
 #: Longer tables are folded.
 _LONG = 40
 
@@ -138,13 +138,9 @@ def _trends(result: Campaign) -> Section:
 def _errors(result: Campaign) -> Section:
     if not result.counted:
         return Section('Errors', 'No recording could be evaluated.')
-    high = sorted((row for row in result.counted if _over_noise(row) > _FAR),
-                  key=_over_noise, reverse=True)
-    text = '' if not high else (
-        f'With the effects found, {counted(len(high), "recording")} of {len(result.counted)} '
-        f'{"have" if len(high) > 1 else "has"} still more than {_FAR:g} times the noise: '
-        + ', '.join(f"{row['file']} ({_over_noise(row):.0f} times)" for row in high[:_NAMED])
-        + (f' and {len(high) - _NAMED} more.' if len(high) > _NAMED else '.'))
+    highest = sorted(result.counted, key=_over_noise, reverse=True)[:_NAMED]
+    text = 'Largest errors with the effects found, in multiples of the noise: ' + ', '.join(
+        f"{row['file']} {number(_over_noise(row), 2)}" for row in highest) + '.'
     return Section('Errors', text, [Picture(
         'errors', 'Error of each recording', figures.errors(result),
         'Rms over all rows. If the best model is well above the noise floor, no effect of the '

@@ -10,9 +10,9 @@ import numpy as np
 
 from fam_bundle_ros.data.folds import KINDS
 from fam_bundle_ros.discovery import answer_figures, Comparison, Diagnosis, figures, Ladder
+from fam_bundle_ros.discovery.templates import SHARE
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
-from fam_bundle_ros.report import shapes
 from fam_bundle_ros.report.map_page import model_section
 from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
@@ -100,16 +100,15 @@ def _sentence(text: str) -> str:
 def diagnosis_sections(result: Diagnosis) -> list[Section]:
     """Return candidates, ladder, parameters with intervals, and what to measure next."""
     sections = [_missing_section(result)]
-    left = shapes.visible(result)
-    if left:
+    if result.shapes_left:
         sections.append(Section(
             'The remaining error', 'No effect of the catalogue explains it. These simple shapes '
             'describe it best; one with a formula can be added to a model as an expression. '
-            f'Each explains a share {shapes.SHARE}, {shown(result.error_N["best"])} N rms.',
+            f'Each explains a share {SHARE}, {shown(result.error_N["best"])} N rms.',
             [Table(('shape', 'formula', 'k', 'unit', 'explains (%)', 'takes (N rms)'),
                    [(t.words, t.expression or '', t.coefficient, t.unit, 100.0 * t.explained,
                      t.size_N)
-                    for t in left])]))
+                    for t in result.shapes_left])]))
     sections += _unseen_section(result)
     if len(result.ladder) > 1:
         sections.append(Section('Ladder', '', [ladder_picture(

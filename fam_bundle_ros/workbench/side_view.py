@@ -11,9 +11,9 @@ from nicegui import ui
 from fam_bundle_ros import palette
 from fam_bundle_ros.discovery import compare
 from fam_bundle_ros.discovery.result import Candidate
+from fam_bundle_ros.discovery.templates import SHARE
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import dumps_model
-from fam_bundle_ros.report import shapes
 from fam_bundle_ros.told import number
 from fam_bundle_ros.workbench import parts, takeaway
 from fam_bundle_ros.workbench.cases import Case
@@ -174,13 +174,13 @@ class SideView:
     def _shapes(self) -> None:
         found = self.session.diagnosis
         assert found is not None
-        left = shapes.visible(found)[:3]
+        left = found.shapes_left[:3]
         if left:
-            parts.text('p', f'Shapes {shapes.SHARE}, {short(found.error_N["best"])} N rms, and '
+            parts.text('p', f'Shapes {SHARE}, {short(found.error_N["best"])} N rms, and '
                        'their shares:', 'small')
         for template in left:
             with parts.box('article', 'choice'):
-                parts.text('span', parts.sentence(shapes.described(template)))
+                parts.text('span', parts.sentence(str(template)))
                 if template.expression is not None:
                     with parts.box('div', 'row'):
                         parts.button('Use this shape', lambda template=template: self._own(
@@ -191,8 +191,7 @@ class SideView:
     def write_own(self) -> None:
         """Open the form for an own effect, filled with the best shape if there is one."""
         found = self.session.diagnosis
-        left = [] if found is None else [t for t in shapes.visible(found)
-                                         if t.expression is not None]
+        left = [] if found is None else [t for t in found.shapes_left if t.expression is not None]
         self._own(from_template(left[0]) if left else Draft(formula='-k * strain_rate',
                                                                 place='loss'))
 

@@ -122,7 +122,7 @@ def test_a_fold_is_predicted_by_a_fit_that_has_never_seen_it(repository):
     (fitter, fit), (_, alone) = fitted(three), fitted(outer)
     middle = three.select(np.abs(three.strain - 0.098) < 2e-3)
     truly = rms(middle.force - predict(alone.model, middle))
-    found, = [rms(fitter.of_some(fit, there)[1][gone])
+    found, = [rms(fitter.refit_to(fit, there)[1][gone])
               for kind, there, gone in folds(fitter.cells) if kind == 'strain']
     assert found == pytest.approx(truly, rel=0.1) == pytest.approx(63.0, rel=0.1)
     assert rms(fit.residual) < 2.0

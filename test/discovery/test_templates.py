@@ -12,7 +12,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.search import Search
-from fam_bundle_ros.discovery.settings import Choices, SMALL
+from fam_bundle_ros.discovery.settings import Choices, SMALL, VISIBLE
 from fam_bundle_ros.discovery.templates import _families, _lagged, _signed, bank, describe
 from fam_bundle_ros.model import Bundle, MotorUnit
 
@@ -208,6 +208,19 @@ def test_how_fast_a_pressure_changes_is_its_difference_over_the_time(paper_muscl
     expected = np.diff(cells.motion.pressure.mean(1)) / np.diff(time)
     expected[99] = 0.0
     assert_allclose(found, np.append(0.0, expected))
+
+
+def test_a_shape_within_the_noise_is_none(sweeps, paper_muscle):
+    """However large its share of the little that is left; ten times the noise is one."""
+    def found(extra):
+        cells = reduce(paper_muscle, sweeps(extra=extra))
+        search = Search(Options(paper_muscle, cells, Choices()))
+        return cells, describe(cells, search.fitter.without_discrepancy(
+            search.fit(search.options.own)))
+    assert found(None)[1] == ()
+    cells, shapes = found(lambda e, p, way, t: -6.0 * way)
+    assert shapes
+    assert min(shape.size_N for shape in shapes) >= VISIBLE * cells.noise
 
 
 @pytest.mark.parametrize(('extra', 'words', 'coefficient'), [
