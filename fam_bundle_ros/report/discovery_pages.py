@@ -71,8 +71,11 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
     """Return the page of ``fam_bundle diagnose``."""
     comparison = result.comparison
     error = result.error_N
+    changes = [*result.effects,
+               *(f'{new} in place of {old}' for old, new in result.replaced.items()),
+               *(f'without {name}' for name in result.removed)]
     headline = [
-        Headline('Verdict', result.verdict.replace('_', ' '), ', '.join(result.effects)),
+        Headline('Verdict', result.verdict.replace('_', ' '), ', '.join(changes)),
         Headline('Error of the model', f"{number(error['model'])} N", 'rms, unchanged'),
         Headline('Recalibrated', f"{number(error['recalibrated'])} N",
                  'its own parameters refitted'),

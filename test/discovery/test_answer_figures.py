@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of a diagnosis show what the result holds."""
 
+from dataclasses import replace
 import json
 from types import SimpleNamespace
 
@@ -114,6 +115,14 @@ def test_the_report_has_all_of_them_beside_the_empirical_form(found):
     assert found.summary in page  # effects are named as a command takes them
     saved = json.loads(found.to_json())
     assert saved['sets'][0]['probability'] == pytest.approx(found.likely[0].probability)
+
+
+def test_the_report_names_what_was_replaced_and_removed_beside_the_verdict(found):
+    """Not only what was added: a model may need no more effects, but other ones."""
+    other = replace(found, effects=('end_caps',), replaced={'bladder_elasticity': 'bladder_thick'},
+                    removed=('tendon_slack',))
+    assert diagnosis_page(other).headline[0].note == (
+        'end_caps, bladder_thick in place of bladder_elasticity, without tendon_slack')
 
 
 # --- made by hand ------------------------------------------------------------------------------
