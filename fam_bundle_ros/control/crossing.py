@@ -109,8 +109,14 @@ def crossing_pace(table: Any, unit: int, usual: float, patience: float) -> float
         From `hand_over_time`; 0: as fast as usual.
     """
     # Not so slow that it could not be finished in time once the others are saturated.
-    slow = max(table.bottom_pressure[unit] / patience, usual / _RUSH) if patience > 0.0 else usual
+    slow = max(table.bottom_pressure[unit] / patience, slow_pace(usual)) if patience > 0.0 \
+        else usual
     return min(usual, slow)
+
+
+def slow_pace(usual: float) -> float:
+    """Return the slowest pressure rate of a crossing for the usual one, Pa/s."""
+    return usual / _RUSH
 
 
 def hurry(crossings: Any, unit: int, target: float, rate: float, spare: float, usual: float

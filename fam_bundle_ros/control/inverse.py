@@ -11,6 +11,8 @@ from fam_bundle_ros.control.curves import FLAT, force_at, reach_below, unit_forc
 #: Bisections within a cell of the table: at its free strain a muscle's curve has a kink of up to
 #: 20 N/kPa.
 _HALVINGS = 6
+#: Bisections of a common change of pressure: of the whole range to 10 Pa.
+_BISECTIONS = 16
 
 
 @dataclass
@@ -139,6 +141,64 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
                                 curve[i - 1], curve[i])
         force[unit], missing = wanted, 0.0
     shares.missing = missing
+
+
+def change_together(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any,
+                    base: Any, shares: Any) -> None:
+    """
+    Change the pressures of all active units by one amount, each within its rising branch.
+
+    A step of the demand is reached sooner than by `fill`, as the flow of every valve is used. At
+    rest both need nearly the same air: beyond its bottom a unit's force is linear in its pressure.
+
+    Parameters
+    ----------
+    table, model, demand, units, count, fixed, shares
+        As for `fill`.
+    base : list (n,), Pa
+        Pressures from which the units start.
+    """
+    set_fixed(table, model, fixed, shares)
+    low = high = 0.0
+    for k in range(count):
+        unit = units[k]
+        low = min(low, table.bottom_pressure[unit] - base[unit])
+        high = max(high, table.grid[unit][-1] - base[unit])
+    wanted = demand - total_of(shares.force)
+    for k in range(count):
+        wanted += shares.force[units[k]]
+    low_force = move_together(table, model, units, count, base, low, shares)
+    high_force = move_together(table, model, units, count, base, high, shares)
+    shares.missing = wanted - min(max(wanted, low_force), high_force)
+    change = low
+    if wanted >= high_force:
+        change = high
+    elif wanted > low_force:
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            force = move_together(table, model, units, count, base, middle, shares)
+            if force < wanted:
+                low, low_force = middle, force
+            else:
+                high, high_force = middle, force
+        change = low + (high - low) * (wanted - low_force) / (high_force - low_force)
+    move_together(table, model, units, count, base, change, shares)
+
+
+def move_together(table: Any, model: Any, units: Any, count: int, base: Any, change: float,
+                  shares: Any) -> float:
+    """Write the active units' pressures after a change (Pa), and forces; return their sum, N."""
+    total = 0.0
+    for k in range(count):
+        unit = units[k]
+        if table.useful[unit] > 0:
+            pressure = max(base[unit] + change, table.bottom_pressure[unit])
+            shares.pressure[unit] = min(pressure, table.grid[unit][-1])
+            shares.force[unit] = unit_force(table, model, unit, shares.pressure[unit])
+        else:
+            shares.pressure[unit], shares.force[unit] = 0.0, table.rest_force[unit]
+        total += shares.force[unit]
+    return total
 
 
 def lower(table: Any, units: Any, count: int, shares: Any) -> None:

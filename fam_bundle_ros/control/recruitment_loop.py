@@ -68,7 +68,16 @@ from fam_bundle_ros.control.outer_loop import (
 from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
-from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, reserve, spread, TOLERANCE
+from fam_bundle_ros.control.spread import (
+    ALL_ON,
+    begin_jump,
+    EQUAL_PRESSURE,
+    is_recent,
+    Jump,
+    reserve,
+    spread,
+    TOLERANCE,
+)
 from fam_bundle_ros.control.strain_prediction import (
     forget_prediction,
     PredictionState,
@@ -127,6 +136,8 @@ class RecruitmentState:
         Active units in the order of filling; prescribed pressures, nan for the other units.
     final, shares : Shares
         Allocation after all crossings, and now.
+    jump : Jump
+        The last step of the demand.
     """
 
     table: CurveTable
@@ -139,6 +150,7 @@ class RecruitmentState:
     fixed: list
     final: Shares
     shares: Shares
+    jump: Jump
     adaptation: AdaptationState
     rate: RateState = field(default_factory=RateState)
     prediction: PredictionState = field(default_factory=PredictionState)
@@ -160,7 +172,7 @@ def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentSt
     return RecruitmentState(
         curve_table(order, grid, pushes_back), [0] * n, heading_of(1), heading_of(n + 1),
         MachineState([0.0] * n, [1] * n), no_crossings(n), [0] * n, [math.nan] * n, shares(),
-        shares(), adaptation_state(n))
+        shares(), Jump([0.0] * n), adaptation_state(n))
 
 
 def start_recruitment(settings: Any, state: Any, command: Any) -> None:
@@ -173,7 +185,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_prediction(state.prediction)
     for unit in range(n):
         state.asleep[unit] = state.table.lowered[unit] = 0
-    state.crossings.count = 0
+    state.crossings.count = state.jump.on = 0
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
 
@@ -391,6 +403,8 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
         for k in range(len(top)):
             jump = max(jump, abs(top[k] - limits.value[k]))
     if kind != state.heading_kind or (rate == 0.0 and jump > _STEP):
+        if kind == state.heading_kind and kind == FORCE:
+            begin_jump(settings, state.jump, state.shares.pressure)
         state.heading_kind = kind
         rest_at(wanted, 0, asked)
         for k in range(len(top)):
@@ -419,6 +433,7 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     demand.patience = patience(settings, state, doubt, dt)
     demand.doubt = doubt if state.crossings.count > 0 else 0.0
     demand.spare = reserve(state, target.force, state.table.order[0])
+    demand.stepping = 1 if state.jump.again > 0 and is_recent(settings, state.jump) else 0
     demand.own_rate = wanted.rate[0]
     demand.smooth_rate = demand.own_rate - (limits.rate[k] if clean else limit_speed)
 

@@ -2,12 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Allocation of a demand to the active units, while other units cross their falling branch."""
 
+from dataclasses import dataclass
 import math
 from typing import Any
 
-from fam_bundle_ros.control.crossing import advance, end_crossing, hurry, is_crossing
+from fam_bundle_ros.control.crossing import (
+    advance,
+    end_crossing,
+    hurry,
+    is_crossing,
+    slow_pace,
+)
 from fam_bundle_ros.control.curves import slope_at
-from fam_bundle_ros.control.inverse import fill, lower, share
+from fam_bundle_ros.control.inverse import change_together, fill, lower, share
 from fam_bundle_ros.control.switching import REVERSAL_AWARE
 
 #: Schemes: each unit to its limit before the next; active units at one pressure; all units always
@@ -18,9 +25,67 @@ ORDERLY, BATCH, ALL_ON, EQUAL_PRESSURE, THRESHOLD = range(5)
 TOLERANCE = 0.1
 
 
+@dataclass
+class Jump:
+    """
+    A step of the demand, after which the active units change their pressures together.
+
+    Attributes
+    ----------
+    base : list (n,), Pa
+        Pressures from which they start; later these return to those of the scheme.
+    on : int
+        1 until they have returned.
+    since : float, s
+        Time since the last step.
+    again : int
+        1 when the last step came within `SwitchingConfig.absence_time` of the one before.
+    """
+
+    base: list
+    on: int = 0
+    since: float = math.inf
+    again: int = 0
+
+
+def begin_jump(settings: Any, jump: Any, pressure: Any) -> None:
+    """Start from the commanded pressures (n,), Pa, at a step of the demand."""
+    jump.again = 1 if is_recent(settings, jump) else 0
+    jump.on, jump.since = 1, 0.0
+    for unit in range(len(pressure)):
+        jump.base[unit] = pressure[unit]
+
+
+def is_recent(settings: Any, jump: Any) -> bool:
+    """Return whether the demand has stepped within `SwitchingConfig.absence_time`."""
+    return jump.on > 0 and jump.since < settings.switching.absence_time
+
+
+def return_from_jump(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:
+    """
+    Move the base towards the pressures of the scheme once the demand has not stepped for long.
+
+    Until then the next step finds units that can all move. Slowly, as this costs no force.
+    """
+    jump = state.jump
+    jump.since += dt
+    if is_recent(settings, jump):
+        return
+    jump.on = 0
+    solve(settings, model, state, demand, False, state.final)
+    step = slow_pace(settings.switching.crossing_rate) * dt
+    for unit in range(len(jump.base)):
+        change = state.final.pressure[unit] - jump.base[unit]
+        if abs(change) > step:
+            jump.on, change = 1, math.copysign(step, change)
+        jump.base[unit] += change
+
+
 def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:
     """Advance the crossings by ``dt`` (s), and compute pressures for the demand (N)."""
     crossings = state.crossings
+    if state.jump.on > 0:
+        return_from_jump(settings, model, state, demand, dt)
     if crossings.count == 0:
         solve(settings, model, state, demand, False, state.shares)
         return
@@ -80,7 +145,11 @@ def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, 
             state.units[count] = unit
             count += 1
     if settings.scheme == ORDERLY:
-        fill(state.table, model, demand, state.units, count, state.fixed, shares)
+        if state.jump.on > 0:
+            change_together(state.table, model, demand, state.units, count, state.fixed,
+                            state.jump.base, shares)
+        else:
+            fill(state.table, model, demand, state.units, count, state.fixed, shares)
         if settings.switching.policy == REVERSAL_AWARE:
             lower(state.table, state.units, count, shares)
     else:

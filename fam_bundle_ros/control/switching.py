@@ -75,6 +75,8 @@ class Demand:
         The same without the change of the force limits with the strain.
     spare : float, N
         What is left for the demand while units that are being filled push back; inf while none is.
+    stepping : int
+        1 for a demand that steps repeatedly: between two steps it is not at rest.
     """
 
     force: float = 0.0
@@ -88,6 +90,7 @@ class Demand:
     smooth_rate: float = 0.0
     own_rate: float = 0.0
     spare: float = math.inf
+    stepping: int = 0
 
 
 @dataclass
@@ -260,7 +263,7 @@ def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: 
           ) -> None:
     """Update the times of the demand: rising, below the release level, and at rest there."""
     below = machine.state > 0 and demand.force < release
-    resting = abs(demand.rate) < at_rest(settings, table)
+    resting = demand.stepping == 0 and abs(demand.rate) < at_rest(settings, table)
     for k in range(machine.state):
         machine.reserve[k] = max(machine.reserve[k], table.bottom_pressure[table.order[k]])
         if demand.force > table.top[k] - _LITTLE:

@@ -516,5 +516,5 @@ def test_settings_references_and_commands_cannot_be_changed(not_frozen):
     """What kernels work on is a state, settings or a record, or one of these."""
     assert {name for name in not_frozen(control)
             if not name.endswith(('State', 'Settings', 'Record'))} == {
-                'Crossings', 'CurveTable', 'Demand', 'LoadEstimate', 'Margins', 'Moment',
+                'Crossings', 'CurveTable', 'Demand', 'Jump', 'LoadEstimate', 'Margins', 'Moment',
                 'PidDiagnostics', 'Reason', 'Shares', 'Target'}

@@ -1,0 +1,86 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Steps of the force: all active units move together, and return to filling in turn later."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.benchmarks.control import Case, run_case
+from fam_bundle_ros.control import Allocator, Instant
+from fam_bundle_ros.control.inverse import change_together, Shares
+from fam_bundle_ros.plant import Dynamometer
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
+
+STRAIN = 0.16
+
+
+def together(bundle, demand, base, count):
+    """Return the shares of a demand (N) with the first units active, from pressures (Pa)."""
+    curves, n = Allocator(bundle).curves(Instant(STRAIN)), bundle.n
+    shares = Shares([0.0] * n, [0.0] * n)
+    change_together(curves.table, curves.model, demand, list(range(n)), count, [math.nan] * n,
+                    base, shares)
+    return shares, curves
+
+
+def stairs(bundle, levels, seconds):
+    """Return the log of the model as its own plant, with a step of the force every so often."""
+    return ClosedLoop(bundle, bundle).run(Trajectory(
+        'stairs', 'force', seconds * len(levels),
+        lambda t: levels[min(int(max(t, 0.0) / seconds), len(levels) - 1)], lambda t: 0.0,
+        Dynamometer(STRAIN), prepare=1.0))
+
+
+def at(log, time):
+    """Return the index of a time (s)."""
+    return int(np.searchsorted(log.time, time))
+
+
+@pytest.mark.parametrize('demand', [15.0, 40.0])
+def test_active_units_change_by_one_amount_within_their_branches(bundles, demand):
+    """The bundle gives the demand; a unit that changes by less is at the end of its branch."""
+    bundle, base = bundles[3], [300e3, 250e3, 0.0]
+    shares, curves = together(bundle, demand, base, 2)
+    assert bundle.force(STRAIN, shares.pressure) == pytest.approx(demand, abs=0.1)
+    changes = np.subtract(shares.pressure, base)[:2]
+    lowest, highest = curves.bottom_pressure[:2], bundle.max_pressure[:2]
+    expected = np.clip(np.add(base[:2], changes[np.argmax(np.abs(changes))]), lowest, highest)
+    assert shares.pressure[:2] == pytest.approx(expected)
+    assert shares.pressure[2] == 0.0
+
+
+def test_what_active_units_cannot_give_together_is_missing(bundles):
+    """Above the limits of both, and below their bottoms."""
+    curves = Allocator(bundles[3]).curves(Instant(STRAIN))
+    for beyond, demand in ((7.0, curves.top[2] + 7.0), (-3.0, curves.floor[2] - 3.0)):
+        shares, _ = together(bundles[3], demand, [300e3, 100e3, 0.0], 2)
+        assert shares.missing == pytest.approx(beyond, abs=1e-3)
+
+
+def test_steps_are_followed_as_soon_as_with_one_equal_pressure_with_less_air():
+    """Three units; filling in turn they are 1.15 times as late (rms)."""
+    ours, equal = run_case(Case('nominal', 'steps', 3, ()))[0][:2]
+    assert ours['tracking_rms'] < 1.03 * equal['tracking_rms']
+    assert ours['air_mass'] < 0.6 * equal['air_mass']
+
+
+def test_a_demand_that_steps_again_and_again_keeps_its_units(paper_bundle):
+    """After a single step down the second unit is released within a second."""
+    def state_at_the_end(*levels):
+        return stairs(paper_bundle, levels, 1.5).state[-1]
+    assert state_at_the_end(70.0, 5.0) == 1
+    assert state_at_the_end(5.0, 70.0, 5.0) == 2
+
+
+def test_units_return_to_filling_in_turn_without_a_change_of_the_force(paper_bundle):
+    """Ten seconds after the last step, MU1 goes to its limit again and MU2 compensates."""
+    log = stairs(paper_bundle, (15.0, 74.0, 62.0), 13.0)
+    after, before, end = (at(log, t) for t in (26.5, 35.5, 38.9))
+    apart = log.setpoint[:, 0] - log.setpoint[:, 1]
+    assert log.setpoint[after, 0] < 330e3
+    assert log.setpoint[before] == pytest.approx(log.setpoint[after], abs=3e3)
+    assert log.setpoint[end, 0] == paper_bundle.max_pressure[0]
+    assert apart[end] > apart[before] + 20e3
+    assert np.abs(log.error[after:]).max() < 0.5
