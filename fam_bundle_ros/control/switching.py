@@ -135,7 +135,8 @@ class MachineState:
         since the demand last did not rise.
     ahead : float, N
         By how much the release level is lowered: the distance of the demand below it at the last
-        recruitment ahead of need. A demand that then stops rising must not release the unit.
+        recruitment ahead of need. A demand that then stops rising must not release the unit. 0
+        once the demand has needed the unit.
     feedback : float, N
         Feedback part of the demand at the last recruitment.
     excess : float, N
@@ -268,6 +269,8 @@ def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: 
         machine.reserve[k] = max(machine.reserve[k], table.bottom_pressure[table.order[k]])
         if demand.force > table.top[k] - _LITTLE:
             machine.needed[k] = 1
+            if k == machine.state - 1:
+                machine.ahead = 0.0
     machine.rising = machine.rising + dt if demand.own_rate > 0.0 else 0.0
     machine.absent = machine.absent + dt if below else 0.0
     machine.calm = machine.calm + dt if below and resting else 0.0
