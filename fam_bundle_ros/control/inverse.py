@@ -123,23 +123,60 @@ def fill(table: Any, model: Any, demand: float, units: Any, count: int, fixed: A
         if missing <= 0.0:
             break
         room = table.top_force[unit] - table.bottom_force[unit]
-        grid, curve = table.grid[unit], table.force[unit]
         if missing >= room:
             if room > 0.0:
-                pressure[unit], force[unit] = grid[-1], table.top_force[unit]
+                pressure[unit], force[unit] = table.grid[unit][-1], table.top_force[unit]
                 missing -= room
             continue
         wanted = table.bottom_force[unit] + missing
-        i, below = len(grid) - 1, table.bottom[unit]
-        while i - below > 1:
-            middle = (below + i) // 2
-            if curve[middle] < wanted:
-                below = middle
-            else:
-                i = middle
-        pressure[unit] = invert(table, model, units, k, k + 1, wanted, grid[i - 1], grid[i],
-                                curve[i - 1], curve[i])
+        pressure[unit] = pressure_for(table, model, units, k, wanted)
         force[unit], missing = wanted, 0.0
+    shares.missing = missing
+
+
+def pressure_for(table: Any, model: Any, units: Any, k: int, wanted: float) -> float:
+    """Return the pressure of units[k] on its rising branch for a force (N) within it, Pa."""
+    unit = units[k]
+    grid, curve = table.grid[unit], table.force[unit]
+    i, below = len(grid) - 1, table.bottom[unit]
+    while i - below > 1:
+        middle = (below + i) // 2
+        if curve[middle] < wanted:
+            below = middle
+        else:
+            i = middle
+    return invert(table, model, units, k, k + 1, wanted, grid[i - 1], grid[i], curve[i - 1],
+                  curve[i])
+
+
+def change_in_turn(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any,
+                   base: Any, shares: Any) -> None:
+    """
+    Change the pressures of the active units in turn, the last one first, each to its limit.
+
+    Where ``base`` is the result of `fill`, so is this. The arguments are those of
+    `change_together`.
+    """
+    set_fixed(table, model, fixed, shares)
+    move_together(table, model, units, count, base, 0.0, shares)
+    missing = demand - total_of(shares.force)
+    for j in range(count):
+        k = count - 1 - j
+        unit = units[k]
+        if missing == 0.0 or table.useful[unit] == 0:
+            continue
+        wanted, missing = shares.force[unit] + missing, 0.0
+        if wanted <= table.bottom_force[unit]:
+            missing = wanted - table.bottom_force[unit]
+            shares.pressure[unit] = table.bottom_pressure[unit]
+            shares.force[unit] = table.bottom_force[unit]
+        elif wanted >= table.top_force[unit]:
+            missing = wanted - table.top_force[unit]
+            shares.pressure[unit] = table.grid[unit][-1]
+            shares.force[unit] = table.top_force[unit]
+        else:
+            shares.pressure[unit] = pressure_for(table, model, units, k, wanted)
+            shares.force[unit] = wanted
     shares.missing = missing
 
 

@@ -71,6 +71,7 @@ from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.spread import (
     ALL_ON,
     begin_jump,
+    end_jump,
     EQUAL_PRESSURE,
     is_recent,
     Jump,
@@ -185,7 +186,8 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_prediction(state.prediction)
     for unit in range(n):
         state.asleep[unit] = state.table.lowered[unit] = 0
-    state.crossings.count = state.jump.on = 0
+    state.crossings.count = state.jump.on = state.jump.moving = 0
+    state.jump.kind = -1
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
 
@@ -273,6 +275,10 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     believed = lagged(state.adaptation, force, dt)
     adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
     learnt = state.adaptation
+    stepped = step_of(state.jump, kind, value, rate)
+    if stepped > 0.0:
+        # The offset from the force at `enable` belongs to the reference before.
+        outer.fade = 0.0
     outer_step(settings.outer, outer, measurement, believed,
                outer.demand - state.shares.missing, loop_error(table, command.pressure), kind,
                value, rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
@@ -299,12 +305,23 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     tabulate(table, model)
     find_branches(table, state.asleep)
     place_bottoms(table, model)
+    if state.jump.moving > 0:
+        end_jump(state.jump, command.active, state.shares.pressure, measurement.pressure, _LOOSE)
+    if stepped > 0.0:
+        begin_jump(settings, state, stepped)
     if settings.scheme != ALL_ON:
         set_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     keep_memory(model)
+
+
+def step_of(jump: Any, kind: int, value: float, rate: float) -> float:
+    """Return the size of a step of a force reference since the tick before, N; 0 for none."""
+    size = abs(value - jump.reference) if kind == FORCE and jump.kind == FORCE else 0.0
+    jump.kind, jump.reference = kind, value
+    return size if rate == 0.0 and size > _STEP else 0.0
 
 
 def loop_error(table: Any, pressure: Any) -> float:
@@ -403,8 +420,6 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
         for k in range(len(top)):
             jump = max(jump, abs(top[k] - limits.value[k]))
     if kind != state.heading_kind or (rate == 0.0 and jump > _STEP):
-        if kind == state.heading_kind and kind == FORCE:
-            begin_jump(settings, state.jump, state.shares.pressure)
         state.heading_kind = kind
         rest_at(wanted, 0, asked)
         for k in range(len(top)):

@@ -14,7 +14,7 @@ from fam_bundle_ros.control.crossing import (
     slow_pace,
 )
 from fam_bundle_ros.control.curves import slope_at
-from fam_bundle_ros.control.inverse import change_together, fill, lower, share
+from fam_bundle_ros.control.inverse import change_in_turn, change_together, fill, lower, share
 from fam_bundle_ros.control.switching import REVERSAL_AWARE
 
 #: Schemes: each unit to its limit before the next; active units at one pressure; all units always
@@ -28,32 +28,73 @@ TOLERANCE = 0.1
 @dataclass
 class Jump:
     """
-    A step of the demand, after which the active units change their pressures together.
+    A step of the force reference: the active units change their pressures together.
 
     Attributes
     ----------
     base : list (n,), Pa
-        Pressures from which they start; later these return to those of the scheme.
+        Pressures from which they start, or which they have reached; later these return to those
+        of the scheme.
     on : int
         1 until they have returned.
+    moving : int
+        1 until the pressures have been reached; then units change in turn from there.
     since : float, s
         Time since the last step.
     again : int
         1 when the last step came within `SwitchingConfig.absence_time` of the one before.
+    kind, reference : int, float
+        The last reference; ``kind`` is -1 for none.
     """
 
     base: list
     on: int = 0
+    moving: int = 0
     since: float = math.inf
     again: int = 0
+    kind: int = -1
+    reference: float = 0.0
 
 
-def begin_jump(settings: Any, jump: Any, pressure: Any) -> None:
-    """Start from the commanded pressures (n,), Pa, at a step of the demand."""
+def begin_jump(settings: Any, state: Any, size: float) -> None:
+    """
+    Start from the commanded pressures at a step of the reference by ``size`` (N, above 0).
+
+    A step that the last active unit can make within the lag of the loop is left to it: each
+    further unit whose pressure reverses adds its hysteresis to the error.
+    """
+    jump, table, pressure = state.jump, state.table, state.shares.pressure
+    reach = 0.0
+    if state.machine.state > 0:
+        unit = table.order[state.machine.state - 1]
+        reach = (slope_at(table, unit, pressure[unit]) * settings.switching.crossing_rate
+                 * state.outer.lag)
+    if size <= reach and jump.on == 0:
+        return
     jump.again = 1 if is_recent(settings, jump) else 0
-    jump.on, jump.since = 1, 0.0
+    jump.on, jump.moving, jump.since = 1, 0 if size <= reach else 1, 0.0
     for unit in range(len(pressure)):
         jump.base[unit] = pressure[unit]
+
+
+def end_jump(jump: Any, active: Any, wanted: Any, pressure: Any, tolerance: float) -> None:
+    """
+    Continue in turn from the commanded pressures once the measured ones have reached them.
+
+    Parameters
+    ----------
+    jump : Jump
+    active : vector (n,) of int
+    wanted, pressure : vector (n,), Pa (gauge)
+        Commanded in the tick before, and measured.
+    tolerance : float, Pa
+    """
+    for unit in range(len(wanted)):
+        if active[unit] > 0 and abs(wanted[unit] - pressure[unit]) > tolerance:
+            return
+    jump.moving = 0
+    for unit in range(len(wanted)):
+        jump.base[unit] = wanted[unit]
 
 
 def is_recent(settings: Any, jump: Any) -> bool:
@@ -145,9 +186,12 @@ def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, 
             state.units[count] = unit
             count += 1
     if settings.scheme == ORDERLY:
-        if state.jump.on > 0:
+        if state.jump.on > 0 and state.jump.moving > 0:
             change_together(state.table, model, demand, state.units, count, state.fixed,
                             state.jump.base, shares)
+        elif state.jump.on > 0:
+            change_in_turn(state.table, model, demand, state.units, count, state.fixed,
+                           state.jump.base, shares)
         else:
             fill(state.table, model, demand, state.units, count, state.fixed, shares)
         if settings.switching.policy == REVERSAL_AWARE:

@@ -280,9 +280,9 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     """Return the code of the reason to recruit the next unit, `NONE` for no."""
     state, force = machine.state, demand.force
     limit, crossing = table.top[state], table.crossing[state]
-    # A unit that cannot add force at this strain is of no use.
+    # A unit that cannot add force at this strain or limit is of no use, unless others follow.
     added = table.top[state + 1] - limit
-    if added < _LITTLE:
+    if table.top[-1] - limit < _LITTLE:
         return NONE
     if force > recruit:
         return FROM_REST if state == 0 else BEYOND

@@ -235,7 +235,7 @@ def _resample(label: str, series: dict[str, np.ndarray], recipe: Recipe, note: s
         strain = values['strain']
     elif rest_length is None:
         raise InputError(f'{label}: strain gives the contraction in m alone; expected the rest '
-                         'length (option or model) to make a strain')
+                         'length (--rest-length, or a model) to make a strain')
     else:
         strain = values['contraction'] / rest_length
     units = [key for key in values if key.startswith('pressure.')]

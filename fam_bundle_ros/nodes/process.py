@@ -127,7 +127,7 @@ class Spinner:
 
 class StopSignals:
     """
-    Context manager that notes SIGINT and SIGTERM.
+    Context manager that notes SIGINT, SIGTERM, and SIGHUP unless that is ignored (nohup).
 
     One Ctrl-C may arrive twice (from the terminal and from launch); only a later second signal
     raises KeyboardInterrupt.
@@ -165,7 +165,10 @@ class StopSignals:
 
     def _install(self, handler: Any) -> None:
         if self._able:
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                # After nohup it is ignored, so that the process survives its terminal.
+                if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
+                    continue
                 before = signal.signal(number, handler)
                 self._before.setdefault(number, before)
 

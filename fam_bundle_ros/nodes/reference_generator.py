@@ -6,8 +6,10 @@ Node reference_generator: samples a trajectory into ``reference/force`` or ``ref
 The trajectory comes from a file (parameter) or from the topic ``reference/trajectory`` (joint
 ``force``, ``strain`` or ``contraction``; cubic where the points have velocities, else straight
 lines; a start stamp of 0 means now). A file's trajectory starts once the rig sends samples and the
-reference has a subscriber. The last value is held. With ``give_way`` it is silent while another
-node sends ``reference/pressures``, and resumes a second later; its time continues meanwhile.
+reference has a subscriber. The last value is held. A message without joints and points cancels the
+trajectory; an emergency stop cancels one that came by message. With ``give_way`` it is silent
+while another node sends ``reference/pressures``, and resumes a second later; its time continues
+meanwhile.
 """
 
 from dataclasses import replace
@@ -15,6 +17,7 @@ from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory
 
 from fam_bundle_ros.errors import InputError
@@ -72,8 +75,10 @@ class ReferenceGenerator(BundleNode):
         # No publisher without a trajectory: another node may publish references then.
         for kind in ('force', 'strain') if self.lock_step else (profile.kind,) if profile else ():
             self._output(kind)
+        self._by_message = False
         self.subscribe(interface.TRAJECTORY, JointTrajectory, self._on_trajectory,
                        interface.RELIABLE)
+        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.LATCHED)
         # The rig's samples clock the references, so that both have the same stamps; two sensors,
         # so that one may fail.
         self.subscribe(interface.STRAIN, JointState,
@@ -145,16 +150,32 @@ class ReferenceGenerator(BundleNode):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         """Take a new trajectory; after an invalid one the old one is kept."""
+        if not message.joint_names and not message.points:
+            self._cancel('by a message without points')
+            return
         profile = trajectory_profile(message, self._length)
-        self._profile = profile
+        start = interface.stamp_ns(message.header.stamp) or (self._stamp or None)
+        begins = (start - self._stamp) * 1e-9 if start and self._stamp else 0.0
+        if begins + profile.duration < 0.0:
+            raise InputError(f'by its stamp the trajectory began {-begins:.3g} s ago and is over; '
+                             'expected a stamp of now or later, or 0 for now')
+        self._profile, self._by_message, self.start = profile, True, start
         self._output(profile.kind)
-        self.start = interface.stamp_ns(message.header.stamp) or (self._stamp or None)
-        begins = (self.start - self._stamp) * 1e-9 if self.start and self._stamp else 0.0
         when = '' if abs(begins) < 1.0 else (
             f'; it begins in {begins:.3g} s' if begins > 0.0 else
             f'; by its stamp it began {-begins:.3g} s ago')
         self.get_logger().info(f'new trajectory of {profile.kind}: {len(profile.times)} points '
                                f'over {profile.duration:g} s{when}')
+
+    def _on_e_stop(self, message: Bool) -> None:
+        """Cancel a trajectory that came by message: `enable` alone must not resume it."""
+        if message.data and self._by_message:
+            self._cancel('by the emergency stop; send a new one')
+
+    def _cancel(self, how: str) -> None:
+        if self._profile is not None:
+            self.get_logger().warning(f'trajectory of {self._profile.kind} cancelled {how}')
+        self._profile, self._by_message, self.start = None, False, None
 
     def _report(self, report: Report) -> None:
         self._sample_meter.report(report, 'sample')

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.benchmarks.control import Case, run_case
-from fam_bundle_ros.control import Allocator, Instant
-from fam_bundle_ros.control.inverse import change_together, Shares
+from fam_bundle_ros.control import (
+    Allocator,
+    ControllerConfig,
+    Instant,
+    Measurement,
+    RecruitmentController,
+    Reference,
+)
+from fam_bundle_ros.control.inverse import change_in_turn, change_together, Shares
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
@@ -84,3 +91,56 @@ def test_units_return_to_filling_in_turn_without_a_change_of_the_force(paper_bun
     assert log.setpoint[end, 0] == paper_bundle.max_pressure[0]
     assert apart[end] > apart[before] + 20e3
     assert np.abs(log.error[after:]).max() < 0.5
+
+
+def test_a_step_soon_after_enable_is_not_added_to_the_force_at_enable(paper_bundle):
+    """From 60 N with a reference of 110 N, then 40 N: by the offset it would be 10 N at first."""
+    controller, pressure = RecruitmentController(paper_bundle), np.array([320e3, 280e3])
+    force = float(paper_bundle.force(STRAIN, pressure))
+    controller.enable(Measurement(force, STRAIN, 0.0, pressure))
+    demands = []
+    for k in range(40):
+        command = controller.update(2e-3, Measurement(force, STRAIN, 0.0, pressure),
+                                    Reference('force', 110.0 if k < 5 else 40.0))
+        demands.append(command.demand)
+        pressure = command.pressure
+        force = float(paper_bundle.force(STRAIN, pressure))
+    assert demands[5:] == pytest.approx([40.0] * 35, abs=2.0)
+
+
+@pytest.mark.parametrize('limit', [[344.7e3, 20e3, 344.7e3], [20e3, 344.7e3, 344.7e3]])
+def test_a_unit_whose_limit_is_too_low_to_pull_does_not_block_the_next(bundles, limit):
+    """The demand is met by those after it."""
+    bundle = bundles[3]
+    controller = RecruitmentController(bundle, ControllerConfig(max_pressure=limit))
+    pressure = np.zeros(3)
+    for _ in range(600):
+        force = float(bundle.force(0.12, pressure))
+        pressure = controller.update(2e-3, Measurement(force, 0.12, 0.0, pressure),
+                                     Reference('force', 60.0)).pressure
+    assert float(bundle.force(0.12, pressure)) == pytest.approx(60.0, abs=0.5)
+    assert pressure[limit.index(20e3)] == 0.0
+
+
+@pytest.mark.parametrize(('size', 'together'), [(4.0, False), (40.0, True)])
+def test_a_step_that_one_unit_can_make_is_left_to_it(paper_bundle, size, together):
+    """Others would only add their hysteresis; a step that needs more flow moves all."""
+    log = stairs(paper_bundle, (60.0, 60.0 - size), 1.0)
+    moved = np.ptp(log.setpoint[at(log, 0.9):at(log, 1.2)], axis=0) > 1e3
+    assert list(moved) == [together, True]
+
+
+def test_in_turn_the_last_unit_changes_first(bundles):
+    """To the bottom of its branch, then the one before it; up to its limit likewise."""
+    bundle, base = bundles[3], [200e3, 200e3, 0.0]
+    curves = Allocator(bundle).curves(Instant(STRAIN))
+    middle = sum(curves.at(k, base[k]) for k in range(3))
+    for demand in np.linspace(curves.floor[2] + 0.1, curves.top[2] - 0.1, 30):
+        shares = Shares([0.0] * 3, [0.0] * 3)
+        change_in_turn(curves.table, curves.model, demand, [0, 1, 2], 2, [math.nan] * 3, base,
+                       shares)
+        first, last = shares.pressure[:2]
+        assert bundle.force(STRAIN, shares.pressure) == pytest.approx(demand, abs=0.1)
+        assert shares.missing == 0.0
+        end = bundle.max_pressure[1] if demand > middle else curves.bottom_pressure[1]
+        assert first == 200e3 or last == end

@@ -25,7 +25,8 @@ from fam_bundle_ros.resources import config_path
 def main(capfd):
     """Return a function that runs an executable in this process; status, stdout and stderr."""
     # `run` ignores signals from its end on, as a process that is about to exit should
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {number: signal.getsignal(number) for number in (
+        signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
 
     def run(node, *arguments):
         capfd.readouterr()
@@ -38,7 +39,7 @@ def main(capfd):
     return run
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_vents_and_exits_0(graph, number, start):
     """The last command of a PID that is asked to end is to exhaust, and its status is 0."""
     # messages of a busy machine may be late: that is another test's

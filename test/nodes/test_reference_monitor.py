@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reference generator and model monitor."""
 
-from builtin_interfaces.msg import Duration
+from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Header
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -52,6 +53,49 @@ def test_bad_trajectory_leaves_the_old_one(graph, quiet):
         JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1))]))
     graph.spin(0.2)
     assert node._profile.name == 'p'
+
+
+def force_over(seconds, **keywords):
+    """Return a trajectory of force that is held for a time, s."""
+    return JointTrajectory(joint_names=['force'], points=[
+        JointTrajectoryPoint(positions=[30.0]),
+        JointTrajectoryPoint(positions=[30.0], time_from_start=Duration(sec=seconds))], **keywords)
+
+
+@pytest.mark.parametrize('how', ['empty message', 'emergency stop'])
+def test_a_trajectory_by_message_can_be_cancelled_and_ends_at_an_emergency_stop(graph, quiet, how):
+    """`enable` alone must not resume it; the trajectory of a file goes on after a stop."""
+    node = graph.add(ReferenceGenerator(context=graph.context),
+                     PlantSimulator(context=graph.context, overrides=quiet))[0]
+    seen = graph.listen('reference/force', WrenchStamped)
+    node._on_trajectory(force_over(1))
+    graph.until(lambda: seen, 'the reference')
+    if how == 'emergency stop':
+        node._on_e_stop(Bool(data=False))
+        assert node._profile
+        node._on_e_stop(Bool(data=True))
+    else:
+        node._on_trajectory(JointTrajectory())
+    graph.spin(0.2)
+    seen.clear()
+    graph.spin(0.3)
+    assert not seen
+    node._on_trajectory(force_over(1))
+    graph.until(lambda: seen, 'the new reference')
+    node._profile, node._by_message = Points('file', 'force', (0.0,), (5.0,)), False
+    node._on_e_stop(Bool(data=True))
+    assert node._profile.name == 'file'
+
+
+def test_a_trajectory_that_is_over_by_its_stamp_is_refused(graph):
+    """One that has begun is followed from where it would be now."""
+    node = graph.add(ReferenceGenerator(context=graph.context))
+    node._on_sample('force', interface.force_message(100_000_000_000, 0.0))
+    with pytest.raises(InputError, match='began 40 s ago and is over'):
+        node._on_trajectory(force_over(30, header=Header(stamp=Time(sec=60))))
+    assert node._profile is None
+    node._on_trajectory(force_over(50, header=Header(stamp=Time(sec=60))))
+    assert node.run_time == pytest.approx(40.0)
 
 
 def test_trajectory_starts_when_somebody_takes_it(graph, quiet):
