@@ -12,6 +12,8 @@ from fam_bundle_ros.model import Bundle
 
 #: Relative errors, offsets (N) and lags (s) below these are not reported.
 _LITTLE, _LITTLE_FORCE, _LITTLE_LAG = 0.01, 0.2, 1e-3
+#: The sentence when there is nothing to report.
+FITS = 'the model fits'
 
 
 def learnt_words(settings: AdaptationSettings, state: AdaptationState, names: Sequence[str]
@@ -41,7 +43,7 @@ def learnt_words(settings: AdaptationSettings, state: AdaptationState, names: Se
                      'pressure')
     if lag >= _LITTLE_LAG:
         found.append(f'the force comes {1e3 * lag:.0f} ms after the pressures')
-    return found or ['the model fits']
+    return found or [FITS]
 
 
 def wrong_model(settings: AdaptationSettings, state: AdaptationState) -> str:

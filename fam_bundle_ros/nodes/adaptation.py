@@ -10,7 +10,8 @@ from std_msgs.msg import String
 
 from fam_bundle_ros.control import RecruitmentController
 from fam_bundle_ros.control.adaptation import forget_adaptation
-from fam_bundle_ros.control.learnt import adapted_bundle, learnt_words, wrong_model
+from fam_bundle_ros.control.learnt import adapted_bundle, FITS, learnt_words, wrong_model
+from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.modelfile import save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
@@ -50,9 +51,11 @@ class Adaptation:
         return f'forgotten: {before}'
 
     def _save(self) -> str:
-        controller = self._controller()
+        controller, words = self._controller(), self.words()
+        if words == FITS:
+            raise InputError(f'{words}: nothing was learnt that could be saved')
         # Not beside the model: the folder of shipped models may be read-only.
         model = Path(self._node.p['model'])
         path = Path(self._node.p['adaptation_file'] or f'{model.stem}_adapted.yaml').absolute()
         save_model(adapted_bundle(controller.bundle, controller.memory.adaptation), path)
-        return f'{path}: {self.words()}'
+        return f'{path}: {words}'

@@ -57,7 +57,7 @@ class ModelSwap:
         self._prepared: dict[str, Prepared] = {}
         #: Files that were in use before, the most recent one last.
         self._before: list[str] = []
-        self._candidate = self._refusal = ''
+        self._candidate = self._refusal = self._at_work = ''
         #: Setpoints at the change (Pa), their offset from the new model's (Pa), time left (s).
         self._last: list[float] = []
         self._offset: list[float] | None = None
@@ -100,12 +100,16 @@ class ModelSwap:
 
     def _on_state(self, message: String) -> None:
         try:
-            candidate = json.loads(message.data).get('candidate') or {}
+            state = json.loads(message.data)
+            candidate, work = state.get('candidate') or {}, state.get('diagnosing') or {}
             file, refusal = str(candidate.get('file', '')), str(candidate.get('refusal', ''))
-        except (ValueError, AttributeError) as error:
+            share = 100.0 * float(work.get('share', 0.0))
+        except (ValueError, TypeError, AttributeError) as error:
             raise InputError(f'{message.data[:40]!r} is not a message of a model monitor'
                              ) from error
         self._candidate, self._refusal = file, refusal
+        self._at_work = (f'a diagnosis is at work ({share:.0f} %): wait for model/diagnosis'
+                         if work else '')
         if file and file not in self._prepared:
             self._prepared[file] = Prepared()
             Thread(target=self._prepare, args=(file, self._config()), daemon=True).start()
@@ -130,7 +134,7 @@ class ModelSwap:
         file = self._candidate
         prepared = self._prepared.get(file, Prepared())
         if not file:
-            why = 'there is no model to apply: call diagnose first'
+            why = self._at_work or 'there is no model to apply: call diagnose first'
         elif file == self._node.p['model']:
             why = f'{file} is in use already'
         elif prepared.bundle is None:

@@ -72,3 +72,5 @@ def test_reset_forgets_and_says_what(graph, learnt):
     assert answer.message.startswith('forgotten: MU1 pulls')
     assert max(map(abs, node.controller.memory.adaptation.error)) == 0.0
     assert graph.call(Trigger, 'adaptation/reset').message == 'forgotten: the model fits'
+    saved = graph.call(Trigger, 'adaptation/save')  # would overwrite what was saved before
+    assert (saved.success, 'nothing was learnt' in saved.message) == (False, True)

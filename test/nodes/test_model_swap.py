@@ -58,6 +58,8 @@ def test_a_better_model_comes_in_without_a_bump_and_goes_again(graph, moving, tm
     graph.advance(rig, 0.2)
     assert not graph.call(Trigger, 'restore_model').success
     assert 'call diagnose first' in graph.call(Trigger, 'apply_model').message
+    node._swap._on_state(String(data='{"diagnosing": {"share": 0.42}}'))
+    assert 'at work (42 %)' in graph.call(Trigger, 'apply_model').message
     offer(graph, node, better, 'worse')
     answer = graph.call(Trigger, 'apply_model')
     assert (answer.success, answer.message) == (False, 'worse')
