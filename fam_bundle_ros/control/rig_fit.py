@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fam_bundle_ros.control.valve_learning import CONDUCTANCE_DOUBT
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, POLYTROPIC, RT, ValveFlow
 
@@ -162,3 +163,24 @@ def split_volume(conductances: Sequence[float], gas: Sequence[float], told: floa
     if not 0.0 <= tube <= volume.max():
         return None
     return float(conductance), float(tube)
+
+
+def apart_words(conductances: Sequence[float], names: Sequence[str]) -> str:
+    """
+    Return that the valves differ by more than a controller tolerates, else an empty string.
+
+    The controllers take one conductance for all, which may be wrong by `CONDUCTANCE_DOUBT`.
+
+    Parameters
+    ----------
+    conductances : sequence (n,), m^3/(s Pa)
+    names : sequence of str
+        Motor units, in the same order.
+    """
+    values = np.asarray(conductances, float)
+    if np.all(np.abs(values / values.mean() - 1.0) <= CONDUCTANCE_DOUBT):
+        return ''
+    told = ', '.join(f'{name} {value:.3g}' for name, value in zip(names, values))
+    return (f'conductances are {told} m^3/(s Pa); expected equal valves, within '
+            f'{100.0 * CONDUCTANCE_DOUBT:.0f} % of their mean. A load that moves while a unit '
+            'fills falsifies its fit: hold it, or check valves and tubes')

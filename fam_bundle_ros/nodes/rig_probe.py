@@ -13,7 +13,7 @@ from contextlib import closing
 
 import numpy as np
 
-from fam_bundle_ros.control.rig_fit import split_volume, ValveFit
+from fam_bundle_ros.control.rig_fit import apart_words, split_volume, ValveFit
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE
@@ -181,6 +181,9 @@ class _Work:
         if found := split_volume([fit.conductance for fit in fits], gas, tube):
             conductance, tube = found
             how = 'by motor units of different size'
+        elif apart := apart_words([fit.conductance for fit in fits],
+                                  [f'mu{i + 1}' for i in self._units]):
+            self._result.say(False, 'valves', apart)
         self._result.say(True, 'tube volume', f'{1e6 * tube:.1f} ml, {how}', note=not found)
         stamps = hand.pressure[0].since(0)[:, 1]
         rate = 1.0 / float(np.median(np.diff(stamps)))

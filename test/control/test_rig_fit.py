@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control.rig_fit import fit_valve, split_volume
+from fam_bundle_ros.control.rig_fit import apart_words, fit_valve, split_volume
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import pressure_rate, valve_flow, valve_opening, ValveFlow
 
@@ -58,3 +58,11 @@ def test_muscles_of_different_size_tell_the_tube():
     conductance, found = split_volume(fitted, gas, told)
     assert (conductance, found) == (pytest.approx(3e-9), pytest.approx(tube))
     assert split_volume(fitted, [14e-6, 14e-6], told) is None
+
+
+def test_valves_that_differ_by_more_than_a_controller_tolerates_are_told():
+    """One conductance is given to all loops; 30 % off is what they learn."""
+    assert apart_words([3.9e-9, 4.3e-9, 3.0e-9], ['mu1', 'mu2', 'mu3']) == ''
+    told = apart_words([3.94e-9, 1.26e-9], ['mu1', 'mu2'])
+    assert 'mu1 3.94e-09, mu2 1.26e-09' in told
+    assert 'within 30 %' in told
