@@ -152,16 +152,16 @@ def pressure_for(table: Any, model: Any, units: Any, k: int, wanted: float) -> f
 def change_in_turn(table: Any, model: Any, demand: float, units: Any, count: int, fixed: Any,
                    base: Any, shares: Any) -> None:
     """
-    Change the pressures of the active units in turn, the last one first, each to its limit.
+    Change the pressures of the active units in turn, each to its limit.
 
-    Where ``base`` is the result of `fill`, so is this. The arguments are those of
+    A rise begins at the first unit, a fall at the last one: where ``base`` is the result of `fill`, so is this. The arguments are those of
     `change_together`.
     """
     set_fixed(table, model, fixed, shares)
     move_together(table, model, units, count, base, 0.0, shares)
     missing = demand - total_of(shares.force)
     for j in range(count):
-        k = count - 1 - j
+        k = j if missing > 0.0 else count - 1 - j
         unit = units[k]
         if missing == 0.0 or table.useful[unit] == 0:
             continue

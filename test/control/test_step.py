@@ -130,8 +130,8 @@ def test_a_step_that_one_unit_can_make_is_left_to_it(paper_bundle, size, togethe
     assert list(moved) == [together, True]
 
 
-def test_in_turn_the_last_unit_changes_first(bundles):
-    """To the bottom of its branch, then the one before it; up to its limit likewise."""
+def test_in_turn_a_fall_begins_at_the_last_unit_and_a_rise_at_the_first(bundles):
+    """To the end of its branch, then the other one: as units are filled."""
     bundle, base = bundles[3], [200e3, 200e3, 0.0]
     curves = Allocator(bundle).curves(Instant(STRAIN))
     middle = sum(curves.at(k, base[k]) for k in range(3))
@@ -142,5 +142,7 @@ def test_in_turn_the_last_unit_changes_first(bundles):
         first, last = shares.pressure[:2]
         assert bundle.force(STRAIN, shares.pressure) == pytest.approx(demand, abs=0.1)
         assert shares.missing == 0.0
-        end = bundle.max_pressure[1] if demand > middle else curves.bottom_pressure[1]
-        assert first == 200e3 or last == end
+        if demand > middle:
+            assert last == 200e3 or first == bundle.max_pressure[0]
+        else:
+            assert first == 200e3 or last == curves.bottom_pressure[1]
