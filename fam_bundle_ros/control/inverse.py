@@ -154,8 +154,8 @@ def change_in_turn(table: Any, model: Any, demand: float, units: Any, count: int
     """
     Change the pressures of the active units in turn, each to its limit.
 
-    A rise begins at the first unit, a fall at the last one: where ``base`` is the result of `fill`, so is this. The arguments are those of
-    `change_together`.
+    A rise begins at the first unit, a fall at the last one: where ``base`` is the result of
+    `fill`, so is this. The arguments are those of `change_together`.
     """
     set_fixed(table, model, fixed, shares)
     move_together(table, model, units, count, base, 0.0, shares)
