@@ -54,6 +54,7 @@ from fam_bundle_ros.control.heading import (
     rest_at,
 )
 from fam_bundle_ros.control.inverse import place_bottoms, Shares, total_of
+from fam_bundle_ros.control.jump import begin_jump, is_recent, Jump, STEP, step_of
 from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
@@ -68,17 +69,7 @@ from fam_bundle_ros.control.outer_loop import (
 from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
-from fam_bundle_ros.control.spread import (
-    ALL_ON,
-    begin_jump,
-    end_jump,
-    EQUAL_PRESSURE,
-    is_recent,
-    Jump,
-    reserve,
-    spread,
-    TOLERANCE,
-)
+from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, reserve, spread, TOLERANCE
 from fam_bundle_ros.control.strain_prediction import (
     forget_prediction,
     PredictionState,
@@ -92,8 +83,6 @@ from fam_bundle_ros.control.switching import (
 )
 from fam_bundle_ros.control.transition import patience, switch_units
 
-#: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
-_STEP = 2.0
 #: rad/s: bandwidth of the rate filters; s: time step for the rate of the force limits.
 _BRISK, _AHEAD = 80.0, 0.01
 #: Pa: largest lasting error of a healthy pressure loop; more is a transient or a fault.
@@ -138,7 +127,7 @@ class RecruitmentState:
     final, shares : Shares
         Allocation after all crossings, and now.
     jump : Jump
-        The last step of the demand.
+        The last step of a force reference.
     """
 
     table: CurveTable
@@ -186,7 +175,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_prediction(state.prediction)
     for unit in range(n):
         state.asleep[unit] = state.table.lowered[unit] = 0
-    state.crossings.count = state.jump.on = state.jump.moving = 0
+    state.crossings.count = state.jump.on = state.jump.fresh = 0
     state.jump.kind = -1
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
@@ -305,8 +294,6 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     tabulate(table, model)
     find_branches(table, state.asleep)
     place_bottoms(table, model)
-    if state.jump.moving > 0:
-        end_jump(state.jump, command.active, state.shares.pressure, measurement.pressure, _LOOSE)
     if stepped > 0.0:
         begin_jump(settings, state, stepped)
     if settings.scheme != ALL_ON:
@@ -315,13 +302,6 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     keep_memory(model)
-
-
-def step_of(jump: Any, kind: int, value: float, rate: float) -> float:
-    """Return the size of a step of a force reference since the tick before, N; 0 for none."""
-    size = abs(value - jump.reference) if kind == FORCE and jump.kind == FORCE else 0.0
-    jump.kind, jump.reference = kind, value
-    return size if rate == 0.0 and size > _STEP else 0.0
 
 
 def loop_error(table: Any, pressure: Any) -> float:
@@ -419,7 +399,7 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     if clean:
         for k in range(len(top)):
             jump = max(jump, abs(top[k] - limits.value[k]))
-    if kind != state.heading_kind or (rate == 0.0 and jump > _STEP):
+    if kind != state.heading_kind or (rate == 0.0 and jump > STEP):
         state.heading_kind = kind
         rest_at(wanted, 0, asked)
         for k in range(len(top)):

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Allocation of a demand to the active units, while other units cross their falling branch."""
 
-from dataclasses import dataclass
 import math
 from typing import Any
 
@@ -15,6 +14,7 @@ from fam_bundle_ros.control.crossing import (
 )
 from fam_bundle_ros.control.curves import slope_at
 from fam_bundle_ros.control.inverse import change_in_turn, change_together, fill, lower, share
+from fam_bundle_ros.control.jump import is_recent
 from fam_bundle_ros.control.switching import REVERSAL_AWARE
 
 #: Schemes: each unit to its limit before the next; active units at one pressure; all units always
@@ -25,98 +25,28 @@ ORDERLY, BATCH, ALL_ON, EQUAL_PRESSURE, THRESHOLD = range(5)
 TOLERANCE = 0.1
 
 
-@dataclass
-class Jump:
+def follow_jump(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:
     """
-    A step of the force reference: the active units change their pressures together.
+    Move the base: at a step to where all units meet the demand (N), long after it back to `fill`.
 
-    Attributes
-    ----------
-    base : list (n,), Pa
-        Pressures from which they start, or which they have reached; later these return to those
-        of the scheme.
-    on : int
-        1 until they have returned.
-    moving : int
-        1 until the pressures have been reached; then units change in turn from there.
-    since : float, s
-        Time since the last step.
-    again : int
-        1 when the last step came within `SwitchingConfig.absence_time` of the one before.
-    kind, reference : int, float
-        The last reference; ``kind`` is -1 for none.
+    Until then the next step finds units that can all move. Back slowly, as this adds no force.
     """
-
-    base: list
-    on: int = 0
-    moving: int = 0
-    since: float = math.inf
-    again: int = 0
-    kind: int = -1
-    reference: float = 0.0
-
-
-def begin_jump(settings: Any, state: Any, size: float) -> None:
-    """
-    Start from the commanded pressures at a step of the reference by ``size`` (N, above 0).
-
-    A step that the last active unit can make within the lag of the loop is left to it: each
-    further unit whose pressure reverses adds its hysteresis to the error.
-    """
-    jump, table, pressure = state.jump, state.table, state.shares.pressure
-    reach = 0.0
-    if state.machine.state > 0:
-        unit = table.order[state.machine.state - 1]
-        reach = (slope_at(table, unit, pressure[unit]) * settings.switching.crossing_rate
-                 * state.outer.lag)
-    if size <= reach and jump.on == 0:
-        return
-    jump.again = 1 if is_recent(settings, jump) else 0
-    jump.on, jump.moving, jump.since = 1, 0 if size <= reach else 1, 0.0
-    for unit in range(len(pressure)):
-        jump.base[unit] = pressure[unit]
-
-
-def end_jump(jump: Any, active: Any, wanted: Any, pressure: Any, tolerance: float) -> None:
-    """
-    Continue in turn from the commanded pressures once the measured ones have reached them.
-
-    Parameters
-    ----------
-    jump : Jump
-    active : vector (n,) of int
-    wanted, pressure : vector (n,), Pa (gauge)
-        Commanded in the tick before, and measured.
-    tolerance : float, Pa
-    """
-    for unit in range(len(wanted)):
-        if active[unit] > 0 and abs(wanted[unit] - pressure[unit]) > tolerance:
-            return
-    jump.moving = 0
-    for unit in range(len(wanted)):
-        jump.base[unit] = wanted[unit]
-
-
-def is_recent(settings: Any, jump: Any) -> bool:
-    """Return whether the demand has stepped within `SwitchingConfig.absence_time`."""
-    return jump.on > 0 and jump.since < settings.switching.absence_time
-
-
-def return_from_jump(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:
-    """
-    Move the base towards the pressures of the scheme once the demand has not stepped for long.
-
-    Until then the next step finds units that can all move. Slowly, as this costs no force.
-    """
-    jump = state.jump
+    jump, final = state.jump, state.final
+    if jump.fresh > 0:
+        solve(settings, model, state, demand, False, final)
+        jump.fresh = 0
+        for unit in range(len(jump.base)):
+            jump.base[unit] = final.pressure[unit]
     jump.since += dt
+    for k in range(state.machine.state, len(jump.base)):
+        jump.base[state.table.order[k]] = 0.0
     if is_recent(settings, jump):
         return
     jump.on = 0
-    solve(settings, model, state, demand, False, state.final)
+    solve(settings, model, state, demand, False, final)
     step = slow_pace(settings.switching.crossing_rate) * dt
     for unit in range(len(jump.base)):
-        change = state.final.pressure[unit] - jump.base[unit]
+        change = final.pressure[unit] - jump.base[unit]
         if abs(change) > step:
             jump.on, change = 1, math.copysign(step, change)
         jump.base[unit] += change
@@ -126,7 +56,7 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
     """Advance the crossings by ``dt`` (s), and compute pressures for the demand (N)."""
     crossings = state.crossings
     if state.jump.on > 0:
-        return_from_jump(settings, model, state, demand, dt)
+        follow_jump(settings, model, state, demand, dt)
     if crossings.count == 0:
         solve(settings, model, state, demand, False, state.shares)
         return
@@ -186,7 +116,7 @@ def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, 
             state.units[count] = unit
             count += 1
     if settings.scheme == ORDERLY:
-        if state.jump.on > 0 and state.jump.moving > 0:
+        if state.jump.fresh > 0:
             change_together(state.table, model, demand, state.units, count, state.fixed,
                             state.jump.base, shares)
         elif state.jump.on > 0:

@@ -79,6 +79,3 @@ def send_unit(settings: Any, state: Any, command: Any) -> None:
     patient = 0.0 if why == BEYOND or why == UNREACHABLE else state.demand.patience
     pace = crossing_pace(state.table, unit, settings.switching.crossing_rate, patient)
     begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)
-    # A unit that a step does not need stays at its bottom while the others have a reserve.
-    state.jump.base[unit] = (command.pressure[unit] if why == BEYOND
-                             else -state.table.grid[unit][-1])

@@ -26,14 +26,7 @@ from fam_bundle_ros.control.observer import learn_noise
 from fam_bundle_ros.control.outer_loop import FORCE, STRAIN
 from fam_bundle_ros.control.reasons import AHEAD, BEYOND
 from fam_bundle_ros.control.recruitment_loop import recruitment_state
-from fam_bundle_ros.control.spread import (
-    BATCH,
-    compensation_ratio,
-    Jump,
-    ORDERLY,
-    reserve,
-    spread,
-)
+from fam_bundle_ros.control.spread import BATCH, compensation_ratio, ORDERLY, reserve, spread
 from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.control.transition import patience, send_unit
 from fam_bundle_ros.plant import Dynamometer
@@ -157,20 +150,14 @@ def test_a_unit_that_is_emptied_is_never_in_a_hurry(paper_bundle):
 
 @pytest.mark.parametrize(('why', 'time'), [(AHEAD, 1.0), (BEYOND, 0.0)])
 def test_a_crossing_begins_slowly_unless_the_demand_is_out_of_reach(made, why, time):
-    """
-    In the time that the feedback needs, or at the usual pace.
-
-    After a step of the force only a unit that the step needs moves with the others.
-    """
+    """In the time that the feedback needs, or at the usual pace."""
     table = made()
     state = SimpleNamespace(
-        table=table, crossings=no_crossings(2), jump=Jump([50e3, 50e3]),
-        machine=SimpleNamespace(state=2, direction=1),
+        table=table, crossings=no_crossings(2), machine=SimpleNamespace(state=2, direction=1),
         demand=Demand(force=table.top[1] - 9.0, rate=200.0, patience=1.0))
     send_unit(SimpleNamespace(switching=SimpleNamespace(crossing_rate=PACE)), state,
               SimpleNamespace(pressure=[200e3, 0.0], reason=SimpleNamespace(why=why)))
     assert state.crossings.pace[1] == crossing_pace(table, 1, PACE, time)
-    assert state.jump.base == [50e3, 0.0 if why == BEYOND else -table.grid[1][-1]]
 
 
 @pytest.mark.parametrize('speed', [0.03, -0.03])

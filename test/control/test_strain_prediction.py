@@ -85,17 +85,12 @@ def test_a_force_on_a_lightly_damped_spring_comes_to_rest(plant, units, stiffnes
     assert np.sqrt(np.mean(log.error[log.time > 4.0] ** 2)) < 0.5
 
 
-@pytest.mark.parametrize(('plant', 'units', 'step', 'share'), [
-    ('delay_10', 6, 50.0, 0.12), ('delay_15', 2, 40.0, 0.03)])
-def test_the_oscillation_after_a_step_of_the_force_decays(plant, units, step, share):
-    """
-    One kilogram on 10 N/mm; followed as far as its start, it grew first (13 N, 2 N).
-
-    It decays more slowly with six units, which move together. With equal pressures it stays at
-    three times the step.
-    """
+@pytest.mark.parametrize(('plant', 'units', 'step'), [
+    ('delay_10', 6, 50.0), ('delay_15', 2, 40.0)])
+def test_the_oscillation_after_a_step_of_the_force_decays(plant, units, step):
+    """One kilogram on 10 N/mm; followed as far as its start, it grew first (13 N, 2 N)."""
     low, load = 20.0 + 7.5 * (units - 2), MassSpring(1.0, stiffness_against=1e4, damping=10.0)
     log = loop_of(plant, units, CONTROLLERS['reversal_aware'], BaselineConfig()).run(Trajectory(
         'step', 'force', 2.5, lambda t: low + (step if t > 1.0 else 0.0), lambda t: 0.0, load,
         prepare=1.5))
-    assert np.sqrt(np.mean(log.error[log.time > 2.0] ** 2)) < share * step
+    assert np.sqrt(np.mean(log.error[log.time > 2.0] ** 2)) < 0.03 * step

@@ -1,0 +1,81 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Steps of the force reference: all active units move, as one or two valves would take longer.
+
+`spread.follow_jump` moves the pressures. Kernels.
+"""
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from fam_bundle_ros.control.curves import slope_at
+from fam_bundle_ros.control.outer_loop import FORCE
+
+#: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
+STEP = 2.0
+
+
+@dataclass
+class Jump:
+    """
+    The last step of the force reference, for which the active units moved together.
+
+    Attributes
+    ----------
+    base : list (n,), Pa
+        Pressures that they moved to, from which they change in turn; later these return to those
+        of `fill`.
+    on : int
+        1 until they have returned.
+    fresh : int
+        1 for a step of this tick that needs all units.
+    since : float, s
+        Time since the step.
+    again : int
+        1 when it came within `SwitchingConfig.absence_time` of the one before.
+    kind, reference : int, float
+        The last reference; ``kind`` is -1 for none.
+    """
+
+    base: list
+    on: int = 0
+    fresh: int = 0
+    since: float = math.inf
+    again: int = 0
+    kind: int = -1
+    reference: float = 0.0
+
+
+def begin_jump(settings: Any, state: Any, size: float) -> None:
+    """
+    Start from the commanded pressures at a step of the reference by ``size`` (N, above 0).
+
+    A step that the last active unit can make within the lag of the loop is left to it: each
+    further unit whose pressure reverses adds its hysteresis to the error.
+    """
+    jump, table, pressure = state.jump, state.table, state.shares.pressure
+    reach = 0.0
+    if state.machine.state > 0:
+        unit = table.order[state.machine.state - 1]
+        reach = (slope_at(table, unit, pressure[unit]) * settings.switching.crossing_rate
+                 * state.outer.lag)
+    if size <= reach and jump.on == 0:
+        return
+    jump.again = 1 if is_recent(settings, jump) else 0
+    jump.on, jump.fresh, jump.since = 1, 0 if size <= reach else 1, 0.0
+    for unit in range(len(pressure)):
+        jump.base[unit] = pressure[unit]
+
+
+def is_recent(settings: Any, jump: Any) -> bool:
+    """Return whether the reference has stepped within `SwitchingConfig.absence_time`."""
+    return jump.on > 0 and jump.since < settings.switching.absence_time
+
+
+def step_of(jump: Any, kind: int, value: float, rate: float) -> float:
+    """Return the size of a step of a force reference since the tick before, N; 0 for none."""
+    size = abs(value - jump.reference) if kind == FORCE and jump.kind == FORCE else 0.0
+    jump.kind, jump.reference = kind, value
+    return size if rate == 0.0 and size > STEP else 0.0
