@@ -61,10 +61,10 @@ def begin_jump(settings: Any, state: Any, size: float) -> None:
         unit = table.order[state.machine.state - 1]
         reach = (slope_at(table, unit, pressure[unit]) * settings.switching.crossing_rate
                  * state.outer.lag)
-    if size <= reach and jump.on == 0:
+    if size <= reach:
         return
     jump.again = 1 if is_recent(settings, jump) else 0
-    jump.on, jump.fresh, jump.since = 1, 0 if size <= reach else 1, 0.0
+    jump.on, jump.fresh, jump.since = 1, 1, 0.0
     for unit in range(len(pressure)):
         jump.base[unit] = pressure[unit]
 

@@ -143,7 +143,10 @@ class _Work:
         # Twice the largest force of the model at this supply, for the error of the model.
         hand.most_force = 20.0 + 2.0 * float(self._bundle.blocked_force(
             [most] * len(self._units)))
+        # The drivers exhaust until `supply_enable` is true: commanded to shut before, a reversed
+        # valve is open to the supply for no longer than it takes to shut.
         hand.command = [0.0] * len(self._units)
+        wait(_SHUT)
         hand.permit(True)
         wait(_SHUT)
         early = [channel.level(3) for channel in hand.pressure]

@@ -122,12 +122,23 @@ def test_a_unit_whose_limit_is_too_low_to_pull_does_not_block_the_next(bundles, 
     assert pressure[limit.index(20e3)] == 0.0
 
 
-@pytest.mark.parametrize(('size', 'together'), [(4.0, False), (40.0, True)])
-def test_a_step_that_one_unit_can_make_is_left_to_it(paper_bundle, size, together):
+@pytest.mark.parametrize(('levels', 'together'), [
+    ((60.0, 56.0), False), ((60.0, 20.0), True), ((20.0, 60.0, 56.0), False)])
+def test_a_step_that_one_unit_can_make_is_left_to_it(paper_bundle, levels, together):
     """Others would only add their hysteresis; a step that needs more flow moves all."""
-    log = stairs(paper_bundle, (60.0, 60.0 - size), 1.0)
-    moved = np.ptp(log.setpoint[at(log, 0.9):at(log, 1.2)], axis=0) > 1e3
+    log, last = stairs(paper_bundle, levels, 1.0), len(levels) - 1
+    moved = np.ptp(log.setpoint[at(log, last - 0.1):at(log, last + 0.2)], axis=0) > 1e3
     assert list(moved) == [together, True]
+
+
+def test_a_reference_that_tells_its_rate_does_not_step(paper_bundle):
+    """A fast ramp by ticks of more than 2 N is filled in turn throughout."""
+    controller, pressure = RecruitmentController(paper_bundle), np.zeros(2)
+    for k in range(40):
+        force = float(paper_bundle.force(0.1, pressure))
+        pressure = controller.update(5e-3, Measurement(force, 0.1, 0.0, pressure), Reference(
+            'force', 60.0 + 3.0 * k if k < 10 else 87.0, 600.0 if k < 10 else 1e-3)).pressure
+    assert controller.memory.jump.on == 0
 
 
 def test_in_turn_a_fall_begins_at_the_last_unit_and_a_rise_at_the_first(bundles):

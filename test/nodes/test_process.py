@@ -39,8 +39,16 @@ def main(capfd):
     return run
 
 
+@pytest.fixture
+def heard():
+    """Let processes hear SIGHUP, where the tests themselves run under nohup too."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_ctrl_c_vents_and_exits_0(graph, number, start):
+def test_ctrl_c_vents_and_exits_0(graph, number, start, heard):
     """The last command of a PID that is asked to end is to exhaust, and its status is 0."""
     # messages of a busy machine may be late: that is another test's
     process = start('pressure_pid', '--ros-args', '-p', 'motor_unit:=1', '-p',

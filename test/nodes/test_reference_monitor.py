@@ -71,17 +71,18 @@ def test_a_trajectory_by_message_can_be_cancelled_and_ends_at_an_emergency_stop(
     node._on_trajectory(force_over(1))
     graph.until(lambda: seen, 'the reference')
     if how == 'emergency stop':
-        node._on_e_stop(Bool(data=False))
-        assert node._profile
-        node._on_e_stop(Bool(data=True))
+        assert graph.call(Trigger, 'e_stop_trigger').success
     else:
         node._on_trajectory(JointTrajectory())
+    graph.until(lambda: node._profile is None, 'the end of the trajectory')
     graph.spin(0.2)
     seen.clear()
     graph.spin(0.3)
     assert not seen
     node._on_trajectory(force_over(1))
     graph.until(lambda: seen, 'the new reference')
+    node._on_e_stop(Bool(data=False))
+    assert node._profile
     node._profile, node._by_message = Points('file', 'force', (0.0,), (5.0,)), False
     node._on_e_stop(Bool(data=True))
     assert node._profile.name == 'file'
