@@ -4,6 +4,7 @@
 
 import copy
 from dataclasses import fields, is_dataclass
+from functools import reduce
 import math
 import subprocess
 import sys
@@ -12,7 +13,13 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros import kernels
-from fam_bundle_ros.control import ControllerConfig, PressurePid, RecruitmentController
+from fam_bundle_ros.control import (
+    ControllerConfig,
+    LoadModel,
+    OuterConfig,
+    PressurePid,
+    RecruitmentController,
+)
 from fam_bundle_ros.control.signals import Measurement, Reference
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.plant import (
@@ -49,6 +56,8 @@ def wave(t):
     return 37.0 - 25.0 * math.cos(3.0 * t)
 
 
+LOAD = LoadModel(table=((0.0, 5.0), (0.1, 30.0), (0.2, 60.0)), inertia=0.3, damping=3.0)
+MEMORY = ('coulomb_friction', 'viscoelastic_relaxation', 'temperature')
 STEADY = path([0.0, 0.4, 0.8], [20.0, 45.0, 45.0])
 CASES = {
     'overlap': (Trajectory('wave', 'force', 2.5, wave, lambda t: 75.0 * math.sin(3.0 * t),
@@ -58,6 +67,18 @@ CASES = {
         policy='hysteresis', scheme='batch')}),
     'all on': (STEADY, ('viscoelastic_relaxation',), {'controller': ControllerConfig(
         scheme='all_on')}),
+    'own order and limits': (STEADY, (), {'controller': ControllerConfig(
+        order=(1, 0), max_pressure=(300e3, 250e3))}),
+    'feedback alone': (STEADY, (), {'controller': ControllerConfig(
+        outer=OuterConfig(feed_forward=False))}),
+    'feed-forward alone': (STEADY, (), {'controller': ControllerConfig(
+        outer=OuterConfig(feedback=False))}),
+    'gain and load': (path([0.0, 1.0], [0.06, 0.1], 'strain', MassSpring(mass=4.0)), (), {
+        'controller': ControllerConfig(outer=OuterConfig(force_gain=1.0, bias_time=0.15),
+                                       load=LOAD)}),
+    'past the free strain': (path([0.0, 1.0], [30.0, 30.0],
+                                  imposed=lambda t: 0.16 + 0.1 * math.sin(5.0 * t)), (), {}),
+    'model with memory': (STEADY, MEMORY, {'model': MEMORY}),
     'imposed strain': (path([0.0, 1.0], [30.0, 30.0],
                             imposed=lambda t: 0.14 + 0.03 * math.sin(5.0 * t)),
                        ('presliding_hysteresis', 'pressure_line_lag'), {}),
@@ -114,10 +135,10 @@ def numbers(item, name=''):
 def test_compiled_loop_is_the_plain_one(paper_bundle, case):
     """Log, decisions and every number of the state at the end agree to 1e-9."""
     trajectory, effects, options = CASES[case]
-    plant = paper_bundle
-    for name in effects:
-        plant = plant.with_effect(name)
-    plain, quick = (Run(ClosedLoop(plant, paper_bundle, seed=3, compiled=compiled, **options),
+    options = dict(options)
+    plant, model = (reduce(lambda bundle, name: bundle.with_effect(name), names, paper_bundle)
+                    for names in (effects, options.pop('model', ())))
+    plain, quick = (Run(ClosedLoop(plant, model, seed=3, compiled=compiled, **options),
                         trajectory) for compiled in (False, True))
     for run in (plain, quick):
         run.advance(run.ticks)
@@ -138,6 +159,8 @@ def test_compiled_loop_is_the_plain_one(paper_bundle, case):
         assert one.pressure[-1].max() < 5e3
     if case == 'overlap':
         assert set(one.state) == {1, 2}
+    if case == 'past the free strain':
+        assert one.pressure[:, 0].min() < 1e3 < one.pressure[:, 0].max()
     if case == 'lost readings':
         assert any('no usable reading' in text for _, text in one.decisions)
 

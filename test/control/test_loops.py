@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The control kernels, plain and compiled, on the same inputs."""
+"""The pressure loop, plain and compiled, on the same inputs; decisions as sentences."""
 
 from dataclasses import asdict, replace
 import math
@@ -12,12 +12,10 @@ from fam_bundle_ros import kernels
 from fam_bundle_ros.control import (
     ControllerConfig,
     LoadModel,
-    OuterConfig,
     PidConfig,
     PidGains,
     RecruitmentController,
 )
-from fam_bundle_ros.control.outer_loop import FORCE, STRAIN
 from fam_bundle_ros.control.pid import pid_settings
 from fam_bundle_ros.control.pressure_loop import ANTI_WINDUP, forget, PidState, pressure_step
 from fam_bundle_ros.control.reasons import (
@@ -37,105 +35,15 @@ from fam_bundle_ros.control.reasons import (
     TURNED_BACK,
     UNREACHABLE,
 )
-from fam_bundle_ros.control.recruitment_loop import (
-    enable_step,
-    recruitment_step,
-    start_recruitment,
-)
-from fam_bundle_ros.control.signals import command_record, MeasurementRecord
 
 needs_numba = pytest.mark.skipif(kernels.numba() is None, reason='numba is not installed')
-DT = 4e-3
 LOAD = LoadModel(table=((0.0, 5.0), (0.1, 30.0), (0.2, 60.0)), inertia=0.3, damping=3.0)
-
-
-def inputs(bundle, ticks=420):
-    """
-    Yield (measurement, kind, value, rate, dt, whether to enable first), tick by tick.
-
-    A ramp up through all states and down, a step, a strain sine; noise; strains beyond the free
-    strain; readings that are lost for a moment and for long; a clock that stands still.
-    """
-    random = np.random.default_rng(3)
-    n, pressure = bundle.n, np.zeros(bundle.n)
-    top = 0.9 * float(bundle.force(0.12, bundle.max_pressure))
-    times = np.cumsum(np.where(np.arange(ticks) < 200, 3.0 * DT, random.uniform(DT, 5.0 * DT,
-                                                                                ticks)))
-    for k, t in enumerate(times):
-        value = float(np.interp(t, [0.5, 1.6, 2.2, 2.9], [5.0, top, top, 5.0]))
-        later = float(np.interp(t + 1e-3, [0.5, 1.6, 2.2, 2.9], [5.0, top, top, 5.0]))
-        kind, rate = FORCE, (later - value) / 1e-3
-        if t > 3.5:
-            value = 0.5 * top
-        if t > 4.0:
-            kind, value, rate = STRAIN, 0.12 + 0.04 * math.sin(4.0 * t), 0.16 * math.cos(4.0 * t)
-        strain = 0.12 + 0.03 * math.sin(2.0 * t) + 0.1 * (4.4 < t < 4.6)
-        force = 0.95 * float(bundle.force(strain, pressure)) + 0.5 * random.standard_normal()
-        if 150 <= k < 153 or 300 <= k < 330:
-            force = math.nan
-        shown = pressure + 350.0 * random.standard_normal(n)
-        measured = MeasurementRecord(force, strain + 1e-5 * random.standard_normal(),
-                                     0.06 * math.cos(2.0 * t) + 5e-3 * random.standard_normal(),
-                                     shown.tolist())
-        dt = t - times[k - 1] if k not in (0, 250) else 0.0 if k else 3.0 * DT
-        pressure = pressure + 0.3 * ((yield measured, kind, value, rate, dt, k in (170, 335))
-                                     - pressure)
-
-
-def run(controller, bundle, compiled):
-    """Return the commands of a run, as dicts, and the sentences that go with them."""
-    step, enable, start = recruitment_step, enable_step, start_recruitment
-    settings, memory, model = controller.settings, controller.memory, controller.model
-    command, pack = command_record(bundle.n), (lambda record: record)
-    if compiled:
-        pack, model = kernels.pack, controller.belief(compiled=True)
-        step, enable, start = map(kernels.compiled, (step, enable, start))
-    settings, memory, record = pack(settings), pack(memory), pack(command)
-    start(settings, memory, record)
-    found, source = [], inputs(bundle)
-    item = next(source)
-    while True:
-        measured, kind, value, rate, dt, anew = item
-        if anew:
-            enable(settings, model, memory, pack(measured), record)
-        step(settings, model, memory, pack(measured), kind, value, rate, dt, record)
-        if compiled:
-            kernels.unpack(record, command)
-        found.append((asdict(command), sentence(command.reason, ['A', 'B', 'C'])))
-        try:
-            item = source.send(np.array(command.pressure))
-        except StopIteration:
-            return found
 
 
 def flat(values):
     """Return all numbers of a nested dict of them."""
     return np.concatenate([flat(value) if isinstance(value, dict) else np.ravel(value)
                            for value in values.values()]).astype(float)
-
-
-CASES = [{'policy': policy, 'scheme': scheme} for policy, scheme in (
-    ('neglect', 'orderly'), ('hysteresis', 'batch'), ('reversal_aware', 'orderly'),
-    ('reversal_aware', 'batch'), ('reversal_aware', 'all_on'))] + [
-    {'order': (1, 0, 2), 'max_pressure': (300e3, 250e3, 280e3)},
-    {'outer': OuterConfig(feedback=False)}, {'outer': OuterConfig(feed_forward=False)},
-    {'outer': OuterConfig(force_gain=1.0, bias_time=0.15), 'load': LOAD}]
-
-
-@needs_numba
-@pytest.mark.parametrize('settings', CASES, ids=str)
-def test_plain_and_compiled_control_agree(bundles, settings):
-    """Every tick of a run, with memory and time in the model, gives the same command to 1e-9."""
-    bundle = bundles[3].with_effect('coulomb_friction', force=2.0).with_effect(
-        'viscoelastic_relaxation').with_effect('temperature', rise=80.0, time_constant=10.0)
-    plain, compiled = (run(RecruitmentController(bundle, ControllerConfig(**settings)), bundle,
-                           way) for way in (False, True))
-    assert [why for _, why in plain] == [why for _, why in compiled]
-    one, other = (np.stack([flat(command) for command, _ in way]) for way in (plain, compiled))
-    np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-9)
-    assert any(why.startswith('recruit') for _, why in plain) or (
-        settings.get('scheme') == 'all_on')
-    assert any(one['reason']['why'] == LOST for one, _ in plain)
 
 
 @needs_numba

