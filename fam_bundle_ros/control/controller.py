@@ -176,7 +176,8 @@ class RecruitmentController:
         """
         Start from the present pressures and force (bumpless transfer).
 
-        The difference of this force from the demand decays with `OuterConfig.fade_time`.
+        The difference of this force from the demand decays with `OuterConfig.fade_time`. Units
+        that were not filled in turn return to that slowly.
         """
         enable_step(self.settings, self.model, self.memory, self._read(measurement), self._record)
         self._command = self._told()

@@ -25,8 +25,8 @@ class Jump:
     Attributes
     ----------
     base : list (n,), Pa
-        Pressures that they moved to, from which they change in turn; later these return to those
-        of `fill`.
+        Pressures that they moved to, or those at `enable`, from which they change in turn; later
+        these return to those of `fill`.
     on : int
         1 until they have returned.
     fresh : int

@@ -207,6 +207,8 @@ def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command
         # Up to and including the first tick these count as the commanded pressures.
         command.pressure[unit] = 0.0 if math.isnan(pressure) else min(
             max(pressure, 0.0), settings.max_pressure[unit])
+        state.jump.base[unit] = command.pressure[unit]
+    state.jump.on, state.jump.since = 1, math.inf
     show_state(state, command)
     state.outer.taking_over, state.outer.taken = True, measurement.force
 

@@ -374,7 +374,7 @@ def test_feedback_makes_a_wrong_model_exact_at_rest(paper_bundle, feed_forward):
 
 def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
     """Switching on at any pressures moves none of them by more than a few kPa at first."""
-    for pressure in ([200e3, 0.0], [344.7e3, 180e3]):
+    for pressure in ([200e3, 0.0], [344.7e3, 180e3], [200e3, 150e3], [150e3, 220e3]):
         bench = Bench(paper_bundle, 0.16)
         bench.pressure = np.array(pressure)
         force = float(paper_bundle.force(0.16, bench.pressure))
@@ -382,6 +382,21 @@ def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
         bench.controller.enable(measurement)
         first = bench.update(20.0).pressure
         assert np.max(np.abs(first - pressure)) < 12e3
+
+
+@pytest.mark.parametrize('pressure', [[200e3, 200e3], [150e3, 300e3]])
+def test_after_enabling_units_return_to_filling_in_turn_without_a_bump(paper_bundle, pressure):
+    """From the pressures of another controller; no valve has to be fast for the force to stay."""
+    bench = Bench(paper_bundle, 0.16)
+    bench.pressure = np.array(pressure)
+    force = float(paper_bundle.force(0.16, bench.pressure))
+    bench.controller.enable(Measurement(force, 0.16, 0.0, bench.pressure))
+    for _ in range(1000):
+        before = bench.pressure
+        bench.update(force)
+        assert np.max(np.abs(bench.pressure - before)) < 12e3
+        assert paper_bundle.force(0.16, bench.pressure) == pytest.approx(force, abs=0.5)
+    assert bench.pressure[0] == paper_bundle.max_pressure[0] or bench.pressure[1] == 0.0
 
 
 @pytest.mark.parametrize('kind', ['force', 'strain'])
