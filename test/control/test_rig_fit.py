@@ -42,6 +42,14 @@ def test_a_valve_is_found_from_its_strokes(conductance, band, delay):
     assert fit.misfit < 2.0 * 350.0
 
 
+@pytest.mark.parametrize('band', [0.063, 0.067])
+def test_a_dead_band_between_the_places_tried_first_is_found_on_either_side(band):
+    """They are 0.01 apart; without noise the fit is finer."""
+    fit = fit_valve(*record(ValveFlow(3e-9, 0.3, band), 0.008, noise=0.0), VOLUME, SUPPLY)
+    assert fit.dead_band == pytest.approx(band, abs=1e-3)
+    assert fit.misfit < 30.0
+
+
 def test_a_valve_that_moves_nothing_is_refused():
     """A pressure that does not follow the commands has no conductance."""
     time, _, command = record(ValveFlow(), 0.0)
