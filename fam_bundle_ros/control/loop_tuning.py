@@ -213,8 +213,13 @@ def _pressure_step(gains, config, period, delay, volume, error, low, high):
             values.append(pressure)
     values = (np.array(values) - low) / (high - low)
     outside = np.flatnonzero(np.abs(values - 1.0) > _BAND)
-    return PressureStep(volume, error, max(float(values.max()) - 1.0, 0.0),
+    return PressureStep(volume, error, _overshoot(values),
                         float((outside[-1] + 1) * dt) if len(outside) else 0.0)
+
+
+def _overshoot(values):
+    """Return the relative overshoot of a step to 1; what rounding leaves of a sum is none."""
+    return max(0.0, round(float(np.max(values)) - 1.0, 9))
 
 
 def _check(sample_period, lag):
@@ -270,5 +275,5 @@ def _point(ct, loop, e, response):
         float(crossovers[nearest]) / (2.0 * math.pi) if reached else math.nan,
         sign * min(math.radians(float(phase) % 360.0) / float(crossover)
                    for phase, crossover in zip(phases, crossovers)) if reached else math.inf,
-        max(float(values.max()) - 1.0, 0.0),
+        _overshoot(values),
         settling if settling < 0.98 * float(times[-1]) else math.inf)
