@@ -32,7 +32,7 @@ class Jump:
     fresh : int
         1 for a step of this tick that needs all units.
     since : float, s
-        Time since the step.
+        Time since the step; inf after `enable`.
     again : int
         1 when it came within `SwitchingConfig.absence_time` of the one before.
     kind, reference : int, float

@@ -19,7 +19,6 @@ from fam_bundle_ros.control.adaptation import (
     adaptation_step,
     AdaptationSettings,
     AdaptationState,
-    GAUGE_SHARE,
     lag_doubt,
     lag_of,
     lagged,
@@ -32,7 +31,7 @@ from fam_bundle_ros.control.baselines import (
     forget_baseline,
     play,
 )
-from fam_bundle_ros.control.crossing import Crossings, doubt_of, no_crossings
+from fam_bundle_ros.control.crossing import Crossings, no_crossings
 from fam_bundle_ros.control.curves import (
     adapted,
     curve_table,
@@ -42,19 +41,13 @@ from fam_bundle_ros.control.curves import (
     on_line,
     slope_at,
     tabulate,
-    top_at,
     unit_force,
 )
+from fam_bundle_ros.control.demand import set_demand
 from fam_bundle_ros.control.friction import half_band, is_settled, learn_friction
-from fam_bundle_ros.control.heading import (
-    follow_heading,
-    heading_now,
-    heading_of,
-    HeadingState,
-    rest_at,
-)
+from fam_bundle_ros.control.heading import heading_of, HeadingState
 from fam_bundle_ros.control.inverse import place_bottoms, Shares, total_of
-from fam_bundle_ros.control.jump import begin_jump, is_recent, Jump, STEP, step_of
+from fam_bundle_ros.control.jump import begin_jump, Jump, step_of
 from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
@@ -64,12 +57,11 @@ from fam_bundle_ros.control.outer_loop import (
     OuterSettings,
     OuterState,
     STRAIN,
-    uncertainty,
 )
 from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
-from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, reserve, spread, TOLERANCE
+from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.strain_prediction import (
     forget_prediction,
     PredictionState,
@@ -81,10 +73,8 @@ from fam_bundle_ros.control.switching import (
     start_machine,
     SwitchingSettings,
 )
-from fam_bundle_ros.control.transition import patience, switch_units
+from fam_bundle_ros.control.transition import switch_units
 
-#: rad/s: bandwidth of the rate filters; s: time step for the rate of the force limits.
-_BRISK, _AHEAD = 80.0, 0.01
 #: Pa: largest lasting error of a healthy pressure loop; more is a transient or a fault.
 _LOOSE = 5e3
 
@@ -384,55 +374,6 @@ def keep_memory(model: Any) -> None:
     for unit in range(len(model.memory)):
         for k in range(len(model.memory[unit])):
             model.memory[unit][k] = model.next[unit][k]
-
-
-def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt: float) -> None:
-    """Compute the state machine's input: demand, and its rates relative to the force limits."""
-    wanted, limits, top = state.wanted, state.limits, state.table.top
-    target = state.outer.target
-    # A measured strain is noisy, a reference strain is not.
-    clean = kind == STRAIN and settings.outer.feed_forward
-    asked = target.feed_forward
-    if kind == FORCE and settings.outer.feed_forward:
-        # Subtract the part due to the learnt lag: its adaptation is not a change of demand.
-        learnt = lag_of(state.adaptation) + state.adaptation.lead
-        asked -= (1.0 - GAUGE_SHARE) * learnt * rate
-    jump = abs(asked - wanted.value[0])
-    if clean:
-        for k in range(len(top)):
-            jump = max(jump, abs(top[k] - limits.value[k]))
-    if kind != state.heading_kind or (rate == 0.0 and jump > STEP):
-        state.heading_kind = kind
-        rest_at(wanted, 0, asked)
-        for k in range(len(top)):
-            rest_at(limits, k, top[k])
-    else:
-        follow_heading(wanted, 0, asked, dt, _BRISK)
-        for k in range(len(top)):
-            follow_heading(limits, k, top[k], dt, _BRISK)
-    k = min(state.machine.state, len(top) - 2)
-    demand = state.demand
-    speed, acceleration, jerk = heading_now(wanted, 0, _BRISK)
-    limit_speed, limit_acceleration, limit_jerk = 0.0, 0.0, 0.0
-    moved = state.table.moment.strain_rate
-    if clean:
-        limit_speed, limit_acceleration, limit_jerk = heading_now(limits, k, _BRISK)
-    elif moved != 0.0:
-        # Differences of the limits would contain noise and adaptation: use slope and strain rate.
-        ahead = state.table.moment.strain + moved * _AHEAD
-        limit_speed = (top_at(state.table, model, k, ahead) - top[k]) / _AHEAD
-        limit_acceleration = limit_speed * state.rate.slope / moved
-    demand.force, demand.rate = target.force, speed - limit_speed
-    demand.feedback = target.force - target.feed_forward
-    demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
-    demand.uncertainty = uncertainty(settings.outer, state.outer)
-    doubt = doubt_of(state)
-    demand.patience = patience(settings, state, doubt, dt)
-    demand.doubt = doubt if state.crossings.count > 0 else 0.0
-    demand.spare = reserve(state, target.force, state.table.order[0])
-    demand.stepping = 1 if state.jump.again > 0 and is_recent(settings, state.jump) else 0
-    demand.own_rate = wanted.rate[0]
-    demand.smooth_rate = demand.own_rate - (limits.rate[k] if clean else limit_speed)
 
 
 # --- output --------------------------------------------------------------------------------------
