@@ -32,7 +32,7 @@ class Jump:
     fresh : int
         1 for a step of this tick that needs all units.
     since : float, s
-        Time since the step; inf after `enable`.
+        Time since the last step of any size; inf before the first.
     again : int
         1 when it came within `SwitchingConfig.absence_time` of the one before.
     kind, reference : int, float
@@ -63,19 +63,23 @@ def begin_jump(settings: Any, state: Any, size: float) -> None:
                  * state.outer.lag)
     if size <= reach:
         return
-    jump.again = 1 if is_recent(settings, jump) else 0
-    jump.on, jump.fresh, jump.since = 1, 1, 0.0
+    jump.on = jump.fresh = 1
     for unit in range(len(pressure)):
         jump.base[unit] = pressure[unit]
 
 
 def is_recent(settings: Any, jump: Any) -> bool:
     """Return whether the reference has stepped within `SwitchingConfig.absence_time`."""
-    return jump.on > 0 and jump.since < settings.switching.absence_time
+    return jump.since < settings.switching.absence_time
 
 
-def step_of(jump: Any, kind: int, value: float, rate: float) -> float:
+def step_of(settings: Any, jump: Any, kind: int, value: float, rate: float, dt: float) -> float:
     """Return the size of a step of a force reference since the tick before, N; 0 for none."""
+    jump.since += dt
     size = abs(value - jump.reference) if kind == FORCE and jump.kind == FORCE else 0.0
     jump.kind, jump.reference = kind, value
-    return size if rate == 0.0 and size > STEP else 0.0
+    if rate != 0.0 or size <= STEP:
+        return 0.0
+    jump.again = 1 if is_recent(settings, jump) else 0
+    jump.since = 0.0
+    return size

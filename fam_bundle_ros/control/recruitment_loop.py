@@ -166,7 +166,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     for unit in range(n):
         state.asleep[unit] = state.table.lowered[unit] = 0
     state.crossings.count = state.jump.on = state.jump.fresh = 0
-    state.jump.kind = -1
+    state.jump.kind, state.jump.since = -1, math.inf
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
 
@@ -198,7 +198,7 @@ def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command
         command.pressure[unit] = 0.0 if math.isnan(pressure) else min(
             max(pressure, 0.0), settings.max_pressure[unit])
         state.jump.base[unit] = command.pressure[unit]
-    state.jump.on, state.jump.since = 1, math.inf
+    state.jump.on = 1
     show_state(state, command)
     state.outer.taking_over, state.outer.taken = True, measurement.force
 
@@ -256,7 +256,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     believed = lagged(state.adaptation, force, dt)
     adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
     learnt = state.adaptation
-    stepped = step_of(state.jump, kind, value, rate)
+    stepped = step_of(settings, state.jump, kind, value, rate, dt)
     if stepped > 0.0:
         # The offset from the force at `enable` belongs to the reference before.
         outer.fade = 0.0

@@ -37,7 +37,6 @@ def follow_jump(settings: Any, model: Any, state: Any, demand: float, dt: float)
         jump.fresh = 0
         for unit in range(len(jump.base)):
             jump.base[unit] = final.pressure[unit]
-    jump.since += dt
     for k in range(state.machine.state, len(jump.base)):
         jump.base[state.table.order[k]] = 0.0
     if is_recent(settings, jump):

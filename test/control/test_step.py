@@ -32,12 +32,12 @@ def together(bundle, demand, base, count):
     return shares, curves
 
 
-def stairs(bundle, levels, seconds):
+def stairs(bundle, levels, seconds, strain=STRAIN):
     """Return the log of the model as its own plant, with a step of the force every so often."""
     return ClosedLoop(bundle, bundle).run(Trajectory(
         'stairs', 'force', seconds * len(levels),
         lambda t: levels[min(int(max(t, 0.0) / seconds), len(levels) - 1)], lambda t: 0.0,
-        Dynamometer(STRAIN), prepare=1.0))
+        Dynamometer(strain), prepare=1.0))
 
 
 def at(log, time):
@@ -79,6 +79,15 @@ def test_a_demand_that_steps_again_and_again_keeps_its_units(paper_bundle):
         return stairs(paper_bundle, levels, 1.5).state[-1]
     assert state_at_the_end(70.0, 15.0) == 1
     assert state_at_the_end(15.0, 70.0, 15.0) == 2
+
+
+def test_a_demand_that_steps_a_little_at_a_limit_does_not_switch_at_each_step(paper_bundle):
+    """Around the limit of RS1, by what the last unit makes alone."""
+    limit = float(paper_bundle.force(0.12, [paper_bundle.max_pressure[0], 0.0]))
+    steps = (-3.0, 2.0, -2.0, -7.0, -2.0, -7.0, -2.0, 2.0)
+    log = stairs(paper_bundle, [limit + step for step in steps], 1.5, 0.12)
+    assert len(log.decisions) <= 2
+    assert log.state[-1] == 2
 
 
 def test_units_return_to_filling_in_turn_without_a_change_of_the_force(paper_bundle):
