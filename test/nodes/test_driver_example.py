@@ -95,11 +95,10 @@ def loop(graph, example, monkeypatch):
     loop.node.destroy_node()
 
 
-def test_valves_do_not_wait_for_what_is_published(graph, example):
+def test_valves_do_not_wait_for_what_is_published(loop):
     """A publish may block, or fail as here: the board has been told before."""
-    loop = Loop(graph, example)
     before = len(loop.board.written)
-    loop.node.force.destroy()
+    loop.node.destroy_publisher(loop.node.force)
     with pytest.raises(InvalidHandle):
         loop.node.tick()
     assert len(loop.board.written) == before + 1
