@@ -85,7 +85,7 @@ def test_the_discrepancy_adds_over_motor_units(paper_muscle):
     bundle = Bundle('two', [MotorUnit(f'mu{k}', 1, unit.geometry) for k in (1, 2)],
                     paper_muscle.effects)
     rng = np.random.default_rng(0)
-    strain, pressure = rng.uniform(0, 0.2, 60), rng.uniform(0, (4e5, 1e5), (60, 2))
+    strain, pressure = rng.uniform(0, 0.2, 160), rng.uniform(0, (4e5, 1e5), (160, 2))
     data = build('two', strain, pressure, bundle.force(strain, pressure),
                  motor_units=('mu1', 'mu2'))
     covariance = Covariance(reduce(bundle, data), 0.01)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import pytest
 
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.covariance import Covariance, Hyper, matern_5_2
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.settings import AMPLITUDES, PRESSURE_LENGTHS, STRAIN_LENGTHS
 from fam_bundle_ros.discovery.surface import _averaged, Surface, way_of
@@ -116,11 +116,3 @@ def test_the_way_of_a_row_is_that_of_its_motion(fitter):
     assert_allclose(way_of(cells)[100:110], np.tanh(cells.motion.strain_rate[100:110] / ROUNDING))
     still = replace(cells, motion=replace(cells.motion, strain_rate=np.zeros(len(cells.data))))
     assert not way_of(still).any()
-
-
-def test_a_matern_covariance_is_that_of_its_definition():
-    """Smoothness 5/2 by the Bessel function."""
-    from scipy.special import gamma, kv
-    x = np.array([0.1, 0.7, 2.0])
-    z = np.sqrt(5.0) * x
-    assert_allclose(matern_5_2(x ** 2), 2.0 ** -1.5 / gamma(2.5) * z ** 2.5 * kv(2.5, z))
