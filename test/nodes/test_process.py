@@ -100,6 +100,26 @@ sys.exit(run(make, '', ['node']))
     assert (done.returncode, done.stderr) == (2, 'node: known\n')
 
 
+def test_a_node_does_not_stop_to_search_all_for_garbage(domain_id):
+    """Nearly all that a process holds is there before it spins, and not looked through again."""
+    program = """
+import gc, os, signal, sys
+from fam_bundle_ros.nodes.base import BundleNode
+from fam_bundle_ros.nodes.process import run
+class Node(BundleNode):
+    def __init__(self, context):
+        super().__init__('node', (), context=context)
+        self.every(0.01, self.count)
+    def count(self):
+        print(len(gc.get_objects()) < 0.1 * gc.get_freeze_count())
+        os.kill(os.getpid(), signal.SIGINT)
+sys.exit(run(lambda context: [Node(context)], '', ['node']))
+"""
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                          env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, check=False)
+    assert (done.returncode, done.stdout.split()[:1]) == (0, ['True']), done.stderr
+
+
 def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):
     """An exception in one farewell reaches neither the other nodes nor the caller."""
     from fam_bundle_ros.nodes.base import BundleNode
