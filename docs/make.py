@@ -144,7 +144,8 @@ def commands() -> str:
         options = [p for p in command.params if p.param_type_name == 'option']
         if options:
             parts += ['\n', _rows(('option', 'default', 'meaning'), (
-                (', '.join(f'`{o}`' for o in [*p.opts, *p.secondary_opts]),
+                (', '.join(f'`{o}`' for o in [*p.opts, *p.secondary_opts])
+                 + (f' `{p.metavar}`' if p.metavar else ''),
                  'on' if p.default is True else '' if p.default in (None, False) else p.default,
                  p.help or '') for p in options))]
     return ''.join(parts)

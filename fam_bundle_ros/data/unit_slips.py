@@ -11,9 +11,10 @@ from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.told import number
 
+_TURNED = 'with the sign of the force turned round (tension is positive)'
 #: Force as it may have been meant: (factor, words).
 _FORCES = (
-    (-1.0, 'with the sign of the force turned round (tension is positive)'),
+    (-1.0, _TURNED),
     (4.448222, 'with a force in lbf, not in N'), (1.0 / 4.448222, 'with a force in N, not in lbf'),
     (9.80665, 'with a force in kgf, not in N'), (1.0 / 9.80665, 'with a force in N, not in kgf'))
 #: Pressure as it may have been meant: (factor, words).
@@ -63,7 +64,8 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
             tries.append((rms(other.force - predict(other)), rms(other.force),
                           'with force and pressure exchanged'))
     error, force, words = min(tries)
-    if error > _BETTER * now or error > _GOOD * force:
+    # the model may be poor, but that a muscle pushes where it says that it pulls is no misfit
+    if error > _BETTER * now or error > _GOOD * force and words != _TURNED:
         return ()
     return (f'{words} the model would be off by {number(error)} N ({100 * error / force:.0f} % of '
             f'the force), not {number(now)} N',)

@@ -28,8 +28,8 @@ from fam_bundle_ros.discovery.cells import Cells
 
 #: Largest cache of Cholesky factors, bytes.
 _KEEP = 2e8
-#: Numbers in a block of a kernel. With its temporary arrays it fits into the cache of a core, which
-#: takes a quarter of the time.
+#: Numbers in a block of a kernel. With its temporary arrays it fits into the cache of a core, so
+#: that it takes a quarter of the time.
 _BLOCK = 16384
 #: Noise of a cell that is left out, in standard deviations of the force.
 _UNKNOWN = 1e6

@@ -91,7 +91,8 @@ class _Range:
         """Return a protocol with its limits of strain, pressure and force."""
         strains = [leg.strain for step in steps for course in step.courses()
                    for leg in (course.start, *course.legs) if leg.strain is not None]
-        limits = Limits(float(self.top.max()),
+        # a top pressure that is rounded to a multiple may be above it by the rounding of a float
+        limits = Limits(max(float(self.top.max()), *self._pressures(np.ones(1), self.top)[0]),
                         (min(strains), max(max(strains), min(strains) + 1e-3)), self._force)
         return Protocol(words, len(self.top), steps, limits)
 

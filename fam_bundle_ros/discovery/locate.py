@@ -12,6 +12,7 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import pressure_levels, rms, strain_bins, varying_unit
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.discovery import settings
 
 _DIRECTIONS = {-1: 'while lengthening', 0: 'at rest', 1: 'while shortening'}
 
@@ -121,11 +122,13 @@ def _lone_trial(measurement: Measurement, residual: np.ndarray, noise: float,
 
 
 def _splits(direction: np.ndarray, residual: np.ndarray, rows: np.ndarray, noise: float) -> bool:
-    """Return whether the mean error has opposite signs in the two directions of motion."""
+    """Return whether the mean error turns round with the motion and is most of the error."""
     up, down = residual[rows & (direction > 0)], residual[rows & (direction < 0)]
     if len(up) < 5 or len(down) < 5:
         return False
-    return bool(up.mean() * down.mean() < 0
+    odd = 0.5 * (up.mean() - down.mean())
+    beyond = float(np.mean(residual[rows] ** 2)) - noise ** 2
+    return bool(up.mean() * down.mean() < 0 and odd ** 2 > settings.MOST_OF_IT * beyond
                 and min(abs(up.mean()), abs(down.mean())) > 0.5 * noise)
 
 

@@ -144,7 +144,8 @@ class Recommended(Told):
         table = path.with_name(f'{path.stem}.discrepancy.csv')
         self.leftover.write(table)
         effect = catalogue.get('discrepancy_surface')(table=table.name, folder=path.parent)
-        save_model(self.model.with_effect(effect), path)
+        whole = self.model.with_effect(effect)
+        save_model(whole.named(whole.name, error=self.held_out_discrepancy_N), path)
         return path, table
 
     def to_dict(self) -> dict[str, Any]:

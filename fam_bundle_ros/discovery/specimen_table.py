@@ -102,26 +102,31 @@ def read_specimens(path: str | Path) -> list[Specimen]:
     path : str or Path
         CSV with a column ``file`` (relative to the table) and any of ``length [mm]``,
         ``radius [mm]`` or ``diameter [mm]``, ``braid_angle [deg]``, ``wall_thickness [mm]``, in
-        any unit, and further numbers (``age [days]``).
+        any unit, and further numbers (``age [days]``). Columns are separated by commas, or by
+        semicolons or tabs; with these, numbers may have a decimal comma.
 
     Raises
     ------
     InputError
-        Without the column ``file``, for a dimension without unit, or for text as a dimension.
+        Without the column ``file``, or for a dimension that has no unit or is no positive number.
     """
     path = Path(path)
     try:
         with open(path, newline='', encoding='utf-8-sig') as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
+            lines = file.read().splitlines(keepends=True)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f'{path}: {error}') from error
+    separator = max(',;\t', key=(lines or [''])[0].count)
+    rows = [row for row in csv.reader(lines, delimiter=separator)
+            if any(cell.strip() for cell in row)]
+    point = '.' if separator == ',' else ','
     found = [_HEADER.match(cell) for cell in rows[0]] if rows else []
     headers = [(match['name'], match['unit']) if match else ('', None) for match in found]
     names = [name.lower() for name, _ in headers]
     if 'file' not in names:
         raise InputError(f"{path}: columns {', '.join(names) or 'none'}; expected one called "
                          "'file', and dimensions such as 'length [mm]'")
-    specimens = [_specimen(path, number, headers, row)
+    specimens = [_specimen(path, number, headers, row, point)
                  for number, row in enumerate(rows[1:], start=2)]
     files = Counter(specimen.data.resolve() for specimen in specimens)
     for specimen in specimens:
@@ -144,8 +149,8 @@ def _names(files: Sequence[Path]) -> list[str]:
     return found
 
 
-def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], row: list[str]
-              ) -> Specimen:
+def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], row: list[str],
+              point: str) -> Specimen:
     dimensions, facts, remarks, units, file = {}, {}, {}, {}, ''
     for (name, unit), cell in zip(headers, row):
         where = f"{path}, row {number}, column '{name}'"
@@ -156,7 +161,7 @@ def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], ro
             if unit:
                 units[name] = unit
             try:
-                value = float(cell)
+                value = float(cell.replace(point, '.'))
             except ValueError:
                 if dimension:
                     raise InputError(f"{where}: '{cell}'; expected a number") from None
@@ -168,6 +173,8 @@ def _specimen(path: Path, number: int, headers: list[tuple[str, str | None]], ro
                     raise InputError(
                         f"{where} has no unit; expected for example "
                         f"'{name} [{'deg' if dimension == 'braid_angle' else 'mm'}]'")
+                if not value > 0.0:
+                    raise InputError(f'{where}: {cell}; expected a number above 0')
                 value *= si_factor(unit, DIMENSIONS[dimension])
                 if dimension == 'diameter':
                     dimension, value = 'radius', value / 2

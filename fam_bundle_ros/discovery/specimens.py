@@ -242,7 +242,7 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
     return Together(
         tuple(answer), {label: there for label, there in hidden.items() if there},
         joint.ties(names, answer, choices.odds), joint.probability(), verdicts,
-        tuple(constants([judged[k].physics for k in told], [specimens[k].facts for k in told],
+        tuple(constants([judged[k].chosen for k in told], [specimens[k].facts for k in told],
                         [specimens[k].name for k in told], choices.odds)),
         tuple(unused_columns(specimens)))
 

@@ -5,7 +5,8 @@ Verdict of a search: adequate, recalibrate, missing effect, partial or unexplain
 
 It depends on the size of the discrepancy before and after the effects are added, and on whether
 the evidence needs one. A refusal prevents that an effect is named: held-out errors no better than
-a plane, an impossible value, or an implausible value while structure is left. A warning limits
+a plane, a larger error of the rows, an impossible value, or an implausible value while structure
+is left. A warning limits
 the verdict to `partial`.
 """
 
@@ -233,7 +234,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     structured = needed and _is_visible(after, cells)
     faint = after.smooth if needed and not structured else 0.0
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
-    refusals = _refusals(physics, held, _effect_of_pressure(fitter, null)) if found else ()
+    refusals = (*_refusals(physics, held, _effect_of_pressure(fitter, null)),
+                *_of_rows(cells, base, physics)) if found else ()
     if found and structured:
         refusals = (*refusals, *(f'{words}, and structure is left'
                                  for words in implausible_constants(physics).values()))
@@ -333,6 +335,24 @@ def _refusals(physics: Fit, held: HeldOut, pressure: float) -> tuple[str, ...]:
                      'N, but on held-out folds a curve of the strain alone predicts no worse than '
                      'the effects: check that the pressure is that of this muscle')
     return (*found, *_impossible(physics))
+
+
+def _of_rows(cells: Cells, base: Fit, physics: Fit) -> list[str]:
+    """
+    Return a refusal if the effects reduce the error of cells but not that of their rows.
+
+    Cells count alike. A few of one or two rows (where a smoothed strain is less exact, such as at
+    the ends of trials) can be fitted better at the expense of most rows.
+    """
+    if cells.stiffness is not None:
+        return []  # those errors are of the strain
+    if rms(physics.residual) >= rms(base.residual):
+        return []  # named for its prior: the model as given fits by an unlikely geometry
+    used = cells.label >= 0
+    before, after = (rms((cells.data.force - fit.model.predict(cells.motion))[used])
+                     for fit in (base, physics))
+    return [f'the error of all rows grows from {before:.4g} to {after:.4g} N with the effects'
+            ] if after > before else []
 
 
 def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:

@@ -40,7 +40,8 @@ class Bundle:
     effects : sequence of Effect
         With different names.
     error : float, N
-        Root mean square error of the model on the data it was fitted to; 0 if not known.
+        Root mean square error of the model on the data it was fitted to (with a
+        `discrepancy_surface`, on data left out); 0 if not known.
     notes : mapping
         Further entries of a model file (provenance); kept, not used.
 

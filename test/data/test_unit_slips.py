@@ -48,6 +48,8 @@ def test_a_pressure_in_another_unit_is_told(told, unit, taken):
 def test_a_sign_and_an_absolute_pressure_are_told(told):
     """Tension read as negative; a gauge whose lowest reading is the atmosphere."""
     assert told(force=-1.0)[0].startswith('with the sign of the force turned round')
+    # by a poor model too: 40 N off, a third of the force
+    assert told(force=lambda force: 40.0 - force)[0].startswith('with the sign of the force')
     absolute, = told(pressure=lambda gauge: gauge + 101325.0)
     assert absolute.startswith('with pressures that are absolute, not gauge')
 

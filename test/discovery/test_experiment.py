@@ -73,6 +73,12 @@ def test_a_hydraulic_muscle_has_a_next_experiment_at_its_own_pressures(bundle, l
     assert max(tests[0].highest) == pytest.approx(5e6, rel=0.02)
 
 
+def test_the_highest_pressure_may_be_a_rounding_of_a_float_below_a_multiple(bundle, log):
+    """Unit conversions do that; such data have experiments like any others."""
+    assert [max(protocol.highest) for protocol in menu(log(top=300e3 - 5e-5), bundle)] == [
+        max(protocol.highest) for protocol in menu(log(top=300e3), bundle)]
+
+
 def test_menu_has_what_tells_speed_memory_range_and_units_apart(bundle, log):
     """Two other speeds, holds, an hour's pause, low pressures, each motor unit alone."""
     tests = {protocol.name: protocol for protocol in menu(log(), bundle)}

@@ -16,6 +16,7 @@ from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, splits, squares_of_folds
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.errors import InputError
@@ -134,11 +135,9 @@ def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscl
     data = sweeps(extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5 + 2.0 * way)
     fitter, joint, physics = fitted(paper_muscle, data)
     left = Leftover.of(fitter, physics, joint.hyper)
-    left.write(tmp_path / 'left.csv')
-    model = physics.model.with_effect(catalogue.get('discrepancy_surface')(
-        table='left.csv', folder=tmp_path))
-    save_model(model, tmp_path / 'model.yaml')
+    Recommended(physics.model, (), left, 0.7, 2.5, 0.7, {}).save(tmp_path / 'model.yaml')
     again = load_model(tmp_path / 'model.yaml')
+    assert again.error == 0.7  # with the table, on data left out, not that of the physics
     motion = Motion(data.strain, data.pressure, data.strain_rate, data.time, data.start)
     error = np.sqrt(np.mean((data.force - again.predict(motion)) ** 2))
     alone = np.sqrt(np.mean((data.force - physics.model.predict(motion)) ** 2))

@@ -94,6 +94,9 @@ def test_friction_has_the_sign_of_the_motion(planted):
     said = ', with the sign of the motion'
     assert locate(data, noise - 3.0 * data.direction, 0.3)[0].where == f'everywhere{said}'
     assert said not in locate(data, noise - 3.0, 0.3)[0].where
+    # nor one that only changes a little with it
+    mixed = np.where(np.arange(len(data)) % 2, 6.0, -6.0) - data.direction
+    assert not any(said in each.where for each in locate(data, noise + mixed, 0.3))
     assert said not in locate(data, noise - 3.0 * rows(ways=(1,)), 0.3)[0].where
 
 

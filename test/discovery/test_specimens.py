@@ -137,6 +137,18 @@ def test_an_end_effect_of_clamps_and_a_share_of_the_length_is_named(specimens, p
         assert share.value == pytest.approx(0.08, abs=0.01)
 
 
+def test_rigs_that_are_a_little_off_do_not_make_a_constant_of_the_rubber_differ(specimens,
+                                                                                paper_muscle):
+    """Load cells off by 2.5 N, which fits follow with 77 to 139 kPa for c01 of one rubber."""
+    made = specimens(lambda muscle, length: muscle.with_effect('coulomb_friction', force=6.0))
+    made = [replace(each, data=replace(each.data, force=each.data.force + off))
+            for each, off in zip(made, (2.5, -2.5, 0.5), strict=True)]
+    result = diagnose_specimens(paper_muscle, made, choices=Choices(most=1))
+    assert [change.label for change in result.changes] == ['coulomb_friction']
+    assert constant(result, 'coulomb_friction.force').is_shared
+    assert [each.key for each in result.constants if each.is_shared is False] == []
+
+
 def test_a_table_gives_each_recording_its_dimensions_in_any_unit(tmp_path):
     """Diameters are halved; remarks are no facts; files are beside the table."""
     table = tmp_path / 'specimens.csv'
@@ -147,6 +159,17 @@ def test_a_table_gives_each_recording_its_dimensions_in_any_unit(tmp_path):
     assert first.dimensions == pytest.approx({'length': 0.127, 'radius': 6.35e-3})
     assert first.facts == {'length': 12.7, 'diameter': 0.5, 'age': 30.0}
     assert (second.name, second.dimensions) == ('b', pytest.approx({'radius': 3.175e-3}))
+
+
+@pytest.mark.parametrize('separator', [';', '\t'])
+def test_a_table_may_have_decimal_commas(tmp_path, separator):
+    """As a German spreadsheet writes it, with semicolons or tabs; names of files keep theirs."""
+    table = tmp_path / 'specimens.csv'
+    table.write_text('file,length [cm],age [days]\na.csv,12.7,1.5\n'.replace(
+        ',', separator).replace('.', ',').replace('a,csv', 'a,1.csv'))
+    [specimen] = read_specimens(table)
+    assert specimen.data.name == 'a,1.csv'
+    assert specimen.facts == {'length': 12.7, 'age': 1.5}
 
 
 def test_a_dimension_is_known_by_its_usual_names(tmp_path):
@@ -173,6 +196,7 @@ def test_files_of_one_name_in_two_folders_are_named_apart(tmp_path):
     ('name,length [mm]\na,1\n', "expected one called 'file'"),
     ('file,length\na.csv,127\n', "row 2, column 'length' has no unit"),
     ('file,length [mm]\na.csv,long\n', "row 2, column 'length': 'long'; expected a number"),
+    ('file,length [mm]\na.csv,-127\n', "row 2, column 'length': -127; expected a number above 0"),
     ('file,length [kPa]\na.csv,127\n', "unit 'kPa' does not fit"),
     ('file,length [mm]\n,127\n', 'row 2: no file'),
     ('', "expected one called 'file'"),

@@ -24,6 +24,7 @@ from fam_bundle_ros.discovery.verdict import (
     _alike_at_one_rate,
     _effect_of_pressure,
     _explained,
+    _of_rows,
     _refusals,
     _undetermined,
     _warnings,
@@ -406,6 +407,28 @@ def test_a_valve_that_is_opened_wide_is_another_rate_though_it_takes_few_rows(pa
     cells = reduce(paper_muscle, build('steps', 0.02 * trial, pressure, force, trial,
                                        0.02 * np.arange(len(trial))))
     assert not _alike_at_one_rate(cells, [Change('', 'pressure_creep')])
+
+
+def test_effects_that_fit_some_cells_at_the_expense_of_most_rows_are_refused(search):
+    """Whatever the cells say, in which few rows may count as much as many."""
+    made = search(nothing=0.0)
+    good = made.null
+    bad = replace(good, model=good.model.with_parameters({'geometry.radius': 6.5e-3}),
+                  residual=0.9 * good.residual)
+
+    def refusals(base, physics):
+        return judge(made, base, physics, physics, [Change('', 'coulomb_friction')], GOOD, [],
+                     True).refusals
+    words, = refusals(good, bad)
+    assert words.startswith('the error of all rows grows from 0.57')
+    assert refusals(bad, good) == ()
+    # cells that say the same: the effect is likelier, not more exact
+    assert refusals(good, replace(bad, residual=1.1 * good.residual)) == ()
+    # rows that fits leave out do not count, nor does the force where the strain is predicted
+    cells = made.fitter.cells
+    off = [np.abs(cells.data.force - fit.model.predict(cells.motion)) for fit in (good, bad)]
+    assert not _of_rows(replace(cells, label=np.where(off[1] < off[0], 0, -1)), good, bad)
+    assert not _of_rows(replace(cells, stiffness=np.ones(len(cells))), good, bad)
 
 
 def test_what_is_explained_is_a_share_of_the_mean_square_whatever_the_noise(search):
