@@ -111,7 +111,7 @@ class Constant(NamedTuple):
             ways = ', '.join(f'{way} with {column}' for column, way in found.ordered.items())
             return (f'{self.key} {ways}, but not as a power law ({text}; '
                     f'1 of {1.0 / found.chance:.0f} orders would)')
-        return f'{self.key} differs ({text}) and depends on no column of the table'
+        return f'{self.key} differs ({text}) and depends on no complete column of the table'
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as JSON has it."""

@@ -178,7 +178,7 @@ def test_a_constant_is_told_with_what_it_is():
         'a.b goes with length (power 1, 0.8 to 1.2: 1, 2 mm): not a constant of the material')
     assert told(relation=Relation(ordered={'age': 'rises'}, chance=1 / 12)) == (
         'a.b rises with age, but not as a power law (1, 2 mm; 1 of 12 orders would)')
-    assert told() == 'a.b differs (1, 2 mm) and depends on no column of the table'
+    assert told() == 'a.b differs (1, 2 mm) and depends on no complete column of the table'
     for shared in (0.55, 0.94, 0.06):
         assert told(shared=shared).startswith('a.b is undecided: one value in all has a')
     assert 'a constant of the material' in told(shared=0.6, odds=1.4)
