@@ -32,7 +32,8 @@ class Jump:
     fresh : int
         1 for a step of this tick that needs all units.
     since : float, s
-        Time since the last step of any size; inf before the first.
+        Time since the last step above `STEP`, also one that a unit makes alone; inf before the
+        first.
     again : int
         1 when it came within `SwitchingConfig.absence_time` of the one before.
     kind, reference : int, float

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 import csv
 from dataclasses import dataclass, field, replace
+from io import StringIO
 import os
 from pathlib import Path
 import re
@@ -113,11 +114,11 @@ def read_specimens(path: str | Path) -> list[Specimen]:
     path = Path(path)
     try:
         with open(path, newline='', encoding='utf-8-sig') as file:
-            lines = file.read().splitlines(keepends=True)
+            text = file.read()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f'{path}: {error}') from error
-    separator = max(',;\t', key=(lines or [''])[0].count)
-    rows = [row for row in csv.reader(lines, delimiter=separator)
+    separator = max(',;\t', key=text.partition('\n')[0].count)
+    rows = [row for row in csv.reader(StringIO(text, newline=''), delimiter=separator)
             if any(cell.strip() for cell in row)]
     point = '.' if separator == ',' else ','
     found = [_HEADER.match(cell) for cell in rows[0]] if rows else []

@@ -6,8 +6,7 @@ Verdict of a search: adequate, recalibrate, missing effect, partial or unexplain
 It depends on the size of the discrepancy before and after the effects are added, and on whether
 the evidence needs one. A refusal prevents that an effect is named: held-out errors no better than
 a plane, a larger error of the rows, an impossible value, or an implausible value while structure
-is left. A warning limits
-the verdict to `partial`.
+is left. A warning limits the verdict to `partial`.
 """
 
 from __future__ import annotations
@@ -235,7 +234,7 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     faint = after.smooth if needed and not structured else 0.0
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = (*_refusals(physics, held, _effect_of_pressure(fitter, null)),
-                *_of_rows(cells, base, physics)) if found else ()
+                *_worse_rows(cells, base, physics)) if found else ()
     if found and structured:
         refusals = (*refusals, *(f'{words}, and structure is left'
                                  for words in implausible_constants(physics).values()))
@@ -337,7 +336,7 @@ def _refusals(physics: Fit, held: HeldOut, pressure: float) -> tuple[str, ...]:
     return (*found, *_impossible(physics))
 
 
-def _of_rows(cells: Cells, base: Fit, physics: Fit) -> list[str]:
+def _worse_rows(cells: Cells, base: Fit, physics: Fit) -> list[str]:
     """
     Return a refusal if the effects reduce the error of cells but not that of their rows.
 

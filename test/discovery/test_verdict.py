@@ -24,10 +24,10 @@ from fam_bundle_ros.discovery.verdict import (
     _alike_at_one_rate,
     _effect_of_pressure,
     _explained,
-    _of_rows,
     _refusals,
     _undetermined,
     _warnings,
+    _worse_rows,
     implausible_constants,
     is_needed,
     judge,
@@ -427,8 +427,8 @@ def test_effects_that_fit_some_cells_at_the_expense_of_most_rows_are_refused(sea
     # rows that fits leave out do not count, nor does the force where the strain is predicted
     cells = made.fitter.cells
     off = [np.abs(cells.data.force - fit.model.predict(cells.motion)) for fit in (good, bad)]
-    assert not _of_rows(replace(cells, label=np.where(off[1] < off[0], 0, -1)), good, bad)
-    assert not _of_rows(replace(cells, stiffness=np.ones(len(cells))), good, bad)
+    assert not _worse_rows(replace(cells, label=np.where(off[1] < off[0], 0, -1)), good, bad)
+    assert not _worse_rows(replace(cells, stiffness=np.ones(len(cells))), good, bad)
 
 
 def test_what_is_explained_is_a_share_of_the_mean_square_whatever_the_noise(search):
