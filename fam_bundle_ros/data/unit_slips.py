@@ -4,12 +4,14 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.told import number
+from fam_bundle_ros.units import si_factor
 
 _TURNED = 'with the sign of the force turned round (tension is positive)'
 #: Force as it may have been meant: (factor, words).
@@ -18,10 +20,9 @@ _FORCES = (
     (4.448222, 'with a force in lbf, not in N'), (1.0 / 4.448222, 'with a force in N, not in lbf'),
     (9.80665, 'with a force in kgf, not in N'), (1.0 / 9.80665, 'with a force in N, not in kgf'))
 #: Pressure as it may have been meant: (factor, words).
-_PRESSURES = (
-    (6.894757, 'with pressures in psi, not in kPa'),
-    (1.0 / 6.894757, 'with pressures in kPa, not in psi'),
-    (100.0, 'with pressures in bar, not in kPa'), (0.01, 'with pressures in kPa, not in bar'))
+_PRESSURES = tuple((si_factor(meant, 'Pa') / si_factor(read, 'Pa'),
+                    f'with pressures in {meant}, not in {read}')
+                   for meant, read in permutations(('kPa', 'psi', 'bar'), 2))
 #: Pa: where the lowest pressure is above this the gauge may show absolute pressure.
 _NEVER_VENTED = 85e3
 #: Pa: taken off absolute pressures.
@@ -63,7 +64,8 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
                             pressure=1e3 * data.force[:, None])
             tries.append((rms(other.force - predict(other)), rms(other.force),
                           'with force and pressure exchanged'))
-    error, force, words = min(tries)
+    # by the share of the force: of small numbers (kgf) the error is small too
+    error, force, words = min(tries, key=lambda each: each[0] / (each[1] or np.inf))
     # the model may be poor, but that a muscle pushes where it says that it pulls is no misfit
     if error > _BETTER * now or error > _GOOD * force and words != _TURNED:
         return ()

@@ -3,6 +3,7 @@
 """A slip of unit or sign is told as what it is, and nothing is told where there is none."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -36,13 +37,16 @@ def test_a_force_in_another_unit_is_told(told, sweeps, unit, taken):
     assert float(words.partition('off by ')[2].split()[0]) == pytest.approx(0.6, rel=0.1)
 
 
-@pytest.mark.parametrize(('unit', 'taken'), [('psi', 'kPa'), ('kPa', 'psi'), ('bar', 'kPa'),
-                                             ('kPa', 'bar')])
+@pytest.mark.parametrize(('unit', 'taken'), list(permutations(('psi', 'kPa', 'bar'), 2)))
 def test_a_pressure_in_another_unit_is_told(told, unit, taken):
-    """What would be left is the noise of 0.6 N, beside what there is now."""
-    words, = told(pressure=si_factor(taken, 'Pa') / si_factor(unit, 'Pa'))
-    assert words.startswith(f'with pressures in {unit}, not in {taken} the model would be off')
+    """What would be left is the noise of 0.6 N, beside what there is now; or the model's error."""
+    factor = si_factor(taken, 'Pa') / si_factor(unit, 'Pa')
+    begin = f'with pressures in {unit}, not in {taken} the model would be off'
+    words, = told(pressure=factor)
+    assert words.startswith(begin)
     assert float(words.partition('off by ')[2].split()[0]) == pytest.approx(0.6, rel=0.1)
+    words, = told(pressure=factor, force=lambda force: force + 20.0)
+    assert words.startswith(begin)
 
 
 def test_a_sign_and_an_absolute_pressure_are_told(told):
