@@ -21,6 +21,7 @@ from fam_bundle_ros.control.adaptation import (
 from fam_bundle_ros.control.allocation import Allocator
 from fam_bundle_ros.control.baselines import baseline_settings, BaselineConfig
 from fam_bundle_ros.control.belief import Belief, belief_of
+from fam_bundle_ros.control.jump import STEP_SHARE
 from fam_bundle_ros.control.outer import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import KINDS, outer_settings, OuterState
 from fam_bundle_ros.control.reasons import sentence
@@ -237,7 +238,8 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
     limit = bundle.max_pressure if config.max_pressure is None else np.minimum(
         bundle.max_pressure, config.max_pressure)
     return RecruitmentSettings(
-        SCHEMES.index(config.scheme), config.still, config.hold_time, limit.tolist(),
+        SCHEMES.index(config.scheme), config.still, config.hold_time,
+        STEP_SHARE * float(bundle.blocked_force(bundle.max_pressure)), limit.tolist(),
         switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
         baseline_settings(config.baseline, bundle, limit),
         adaptation_settings(config.adaptation, bundle, config.outer.feedback))

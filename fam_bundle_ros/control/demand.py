@@ -8,7 +8,7 @@ from fam_bundle_ros.control.adaptation import GAUGE_SHARE, lag_of
 from fam_bundle_ros.control.crossing import doubt_of
 from fam_bundle_ros.control.curves import top_at
 from fam_bundle_ros.control.heading import follow_heading, heading_now, rest_at
-from fam_bundle_ros.control.jump import is_recent, STEP
+from fam_bundle_ros.control.jump import is_recent
 from fam_bundle_ros.control.outer_loop import FORCE, STRAIN, uncertainty
 from fam_bundle_ros.control.spread import reserve
 from fam_bundle_ros.control.transition import patience
@@ -32,7 +32,7 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     if clean:
         for k in range(len(top)):
             jump = max(jump, abs(top[k] - limits.value[k]))
-    if kind != state.heading_kind or (rate == 0.0 and jump > STEP):
+    if kind != state.heading_kind or (rate == 0.0 and jump > settings.step):
         state.heading_kind = kind
         rest_at(wanted, 0, asked)
         for k in range(len(top)):

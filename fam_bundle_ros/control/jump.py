@@ -13,8 +13,9 @@ from typing import Any
 from fam_bundle_ros.control.curves import slope_at
 from fam_bundle_ros.control.outer_loop import FORCE
 
-#: N: a demand that changes by more than this from one tick to the next is a step, not a rate.
-STEP = 2.0
+#: Share of the largest force: a demand that changes by more than this from one tick to the next is
+#: a step, not a rate (of the whole range in 0.7 s, at ticks of 4 ms).
+STEP_SHARE = 0.006
 
 
 @dataclass
@@ -32,8 +33,7 @@ class Jump:
     fresh : int
         1 for a step of this tick that needs all units.
     since : float, s
-        Time since the last step above `STEP`, also one that a unit makes alone; inf before the
-        first.
+        Time since the last step, also one that a unit makes alone; inf before the first.
     again : int
         1 when it came within `SwitchingConfig.absence_time` of the one before.
     kind, reference : int, float
@@ -79,7 +79,7 @@ def step_of(settings: Any, jump: Any, kind: int, value: float, rate: float, dt: 
     jump.since += dt
     size = abs(value - jump.reference) if kind == FORCE and jump.kind == FORCE else 0.0
     jump.kind, jump.reference = kind, value
-    if rate != 0.0 or size <= STEP:
+    if rate != 0.0 or size <= settings.step:
         return 0.0
     jump.again = 1 if is_recent(settings, jump) else 0
     jump.since = 0.0

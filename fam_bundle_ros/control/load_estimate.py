@@ -29,8 +29,9 @@ _ENOUGH = 6
 #: Time constant of the force at zero strain, in filter times. The strain loop's reaction returns
 #: after three filters; an integrator with dead time does not overshoot from e dead times on.
 _OFFSET_LAGS = 3.0 * math.e
-#: N: standard deviation of other changes of the force in a step: friction, noise.
-_OTHER = 1.0
+#: Standard deviation of other changes of the force in a step (friction, noise), as a strain at the
+#: largest stiffness.
+_OTHER = 7.5e-4
 #: Strain over which the stiffness may change completely.
 _REACH = 0.1
 #: Prior sd of the inertia over the usual one: up to a robot's arm.
@@ -188,7 +189,7 @@ def learn_place(state: Any, rate: float, bend: float, most: float, usual: float)
     p[0][0] += (most * way[0] / _REACH) ** 2
     p[1][1] += (_DRAG * usual) ** 2 / _MEMORY
     p[2][2] += max(value[2], usual) ** 2 / _MEMORY
-    left, seen = state.forces[2] - last[0], _OTHER ** 2
+    left, seen = state.forces[2] - last[0], (_OTHER * most) ** 2
     for i in range(3):
         left -= value[i] * way[i]
         product[i] = p[i][0] * way[0] + p[i][1] * way[1] + p[i][2] * way[2]

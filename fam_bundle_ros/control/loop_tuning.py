@@ -156,7 +156,7 @@ def tune_strain(bundle: Bundle, load: LoadModel, config: OuterConfig = OuterConf
     whole = command_lag(config, sample_period) + sample_period
     dead = ct.tf(*ct.pade(whole, 4))
     stiffnesses = stiffness_grid(bundle, load.stiffness)
-    gains = [default_strain_gains(config, load, each) for each in stiffnesses]
+    gains = [default_strain_gains(config, load, each, load.inertia) for each in stiffnesses]
     middle, points = len(gains) // 2, []
     for stiffness, own in zip(stiffnesses, gains):
         control = ct.tf([own.gain, own.integral], [1.0, 0.0]) + ct.tf(

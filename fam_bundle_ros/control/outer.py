@@ -87,9 +87,10 @@ class OuterConfig:
         moving reference; 0 for no integral.
     strain_damping : float, N s, optional
         Gain on the error of the strain rate.
-    still : float, N
+    still : float, N, optional
         Backlash of the strain loop's correction: it is held while it would change by less than
-        this, or by less than its noise, so that no air is used for sensor noise.
+        this, or by less than its noise, so that no air is used for sensor noise. By default 0.06 %
+        of the largest force.
     filter_time : float, s
         Low-pass filter of the force reading.
     strain_reach : float
@@ -114,7 +115,7 @@ class OuterConfig:
     strain_gain: float | None = None
     strain_integral: float | None = None
     strain_damping: float | None = None
-    still: float = 0.2
+    still: float | None = None
     filter_time: float = 0.02
     strain_reach: float = 0.03
     lead_time: float = 0.0035

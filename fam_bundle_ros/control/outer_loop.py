@@ -38,11 +38,13 @@ from fam_bundle_ros.control.strain_gains import (
     stiffnesses_between,
     unit_stiffness,
 )
-from fam_bundle_ros.control.strain_loop import default_strain_gains, strain_loop
+from fam_bundle_ros.control.strain_loop import default_strain_gains, strain_loop, usual_inertia
 
 #: Kinds of references.
 KINDS = ('force', 'strain')
 FORCE, STRAIN = 0, 1
+#: Default backlash of the strain loop's correction, as a share of the largest force.
+_STILL = 6e-4
 #: Load tables are padded to a multiple of this length, so that most records have one type.
 _TABLE = 16
 
@@ -66,6 +68,8 @@ class OuterSettings:
     strain_damping: list
     #: N: largest stiffness of muscles and load; the load alone is assumed to have no more.
     most_stiffness: float
+    #: N s^2: inertia of an unknown load, before it is learnt.
+    usual_inertia: float
     #: True where none was set by the user: they may then depend on the learnt inertia.
     worked_out: bool
     #: Stiffness of each unit at its pressure p: slope p + bend p^2, (n,).
@@ -175,23 +179,26 @@ class OuterState:
 def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSettings:
     """Return the record that `outer_step` takes."""
     slope, bend = unit_stiffness(bundle)
-    usual = stiffness_grid(bundle, load.stiffness)
-    least, most = usual[0], usual[-1]
+    own, usual = stiffness_grid(bundle, load.stiffness), usual_inertia(bundle)
+    least, most = own[0], own[-1]
     # Gains depend on stiffness over inertia: an unknown load may be heavier or lighter than usual.
-    stiffnesses = [*stiffnesses_between(least / INERTIAS, least), *usual,
-                   *stiffnesses_between(most, most / LEAST_INERTIA)]
+    stiffnesses = [*stiffnesses_between(least / INERTIAS, least, usual), *own,
+                   *stiffnesses_between(most, most / LEAST_INERTIA, usual)]
     low, high = (least, most) if load.known else (0.0, math.inf)
-    found = [default_strain_gains(config, load, min(max(each, low), high)) for each in stiffnesses]
+    found = [default_strain_gains(config, load, min(max(each, low), high), usual)
+             for each in stiffnesses]
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
     strains, forces = map(list, zip(*load.table)) if load.table else ([], [])
+    largest = float(bundle.force(0.0, bundle.max_pressure))
     spare = [0.0] * (_TABLE - len(strains) % _TABLE)
-    own = (config.strain_gain, config.strain_integral, config.strain_damping)
+    given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return OuterSettings(**{
-        **vars(config), 'worked_out': own == (None, None, None), 'bias_time': bias_time,
+        **vars(config), 'worked_out': given == (None, None, None), 'bias_time': bias_time,
         'force_gain': gain,
-        'stiffnesses': stiffnesses, 'most_stiffness': most,
+        'still': _STILL * largest if config.still is None else config.still,
+        'stiffnesses': stiffnesses, 'most_stiffness': most, 'usual_inertia': usual,
         'strain_gain': [each.gain for each in found],
         'strain_integral': [each.integral for each in found],
         'strain_damping': [each.damping for each in found],

@@ -81,11 +81,12 @@ _LOOSE = 5e3
 
 @dataclass
 class RecruitmentSettings:
-    """`ControllerConfig` as kernels take it."""
+    """`ControllerConfig` as kernels take it; ``step``: least size of a step of the force, N."""
 
     scheme: int
     still: float
     hold_time: float
+    step: float
     max_pressure: list
     switching: SwitchingSettings
     outer: OuterSettings

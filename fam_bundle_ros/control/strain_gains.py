@@ -46,7 +46,6 @@ class StrainGains:
     damping: float
 
 
-@lru_cache(maxsize=256)
 def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -> StrainGains:
     """
     Return the gains with the least error after a load step, for a given lag.
@@ -72,17 +71,25 @@ def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -
     >>> late.integral < quick.integral
     True
     """
+    # rounded, so that those computed for a bundle serve another with the same ratios
+    per = _gains_per_inertia(float(f'{stiffness / inertia:.9g}'), damping / inertia, lag)
+    return StrainGains(inertia * per.gain, inertia * per.integral, inertia * per.damping)
+
+
+@lru_cache(maxsize=256)
+def _gains_per_inertia(stiffness: float, damping: float, lag: float) -> StrainGains:
+    """Return the gains for an inertia of 1 N s^2: gains are in proportion to all three."""
     stiffnesses = (stiffness / SPAN, stiffness, stiffness * SPAN)
-    natural = math.sqrt(stiffness / inertia)
+    natural = math.sqrt(stiffness)
     integrals = _INTEGRALS * stiffness * min(natural, 1.0 / lag)
     s = 1j * natural * _FREQUENCIES
-    plants = _plants(s, stiffnesses, inertia, damping)
+    plants = _plants(s, stiffnesses, damping)
     late = np.exp(-s * lag)
     best, least_cost = StrainGains(0.0, 0.0, 0.0), math.inf
     for share in _GAINS:
         for ratio in _DAMPINGS:
             gain = max(float(share) * stiffness, -_SOFTENED * stiffnesses[0])
-            rate = 2.0 * float(ratio) * math.sqrt(stiffness * inertia)
+            rate = 2.0 * float(ratio) * natural
             control = (gain + integrals[:, None] / s + rate * s / (1.0 + RATE_LAG * s)) * late
             costs = _costs(s, plants, control)
             k = int(np.argmin(costs))
@@ -91,11 +98,11 @@ def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -
     return best
 
 
-def _plants(s, stiffnesses, inertia, damping):
-    """Return strain over force at each stiffness and error, (9, F)."""
+def _plants(s, stiffnesses, damping):
+    """Return strain over force at each stiffness and error for an inertia of 1, (9, F)."""
     stiffness = np.repeat(stiffnesses, len(GAIN_ERRORS))[:, None]
     error = np.tile(GAIN_ERRORS, len(stiffnesses))[:, None]
-    return (1.0 + error) / (inertia * s * s + drag_of(stiffness, inertia, damping) * s + stiffness)
+    return (1.0 + error) / (s * s + drag_of(stiffness, 1.0, damping) * s + stiffness)
 
 
 def _costs(s, plants, control):
@@ -166,16 +173,16 @@ def stiffness_grid(bundle: Any, load: float) -> list[float]:
     return np.geomspace(least, most, max(count, 2)).tolist()
 
 
-def stiffnesses_between(low: float, high: float) -> list[float]:
+def stiffnesses_between(low: float, high: float, inertia: float) -> list[float]:
     """
-    Return the powers of `SPAN` squared between two stiffnesses (N), without these.
+    Return stiffnesses (N) between two, without these: ``inertia`` times powers of `SPAN` squared.
 
-    The same for all bundles, so that their gains are computed once.
+    Over the inertia they are the same for all bundles, so that their gains are computed once.
 
     Examples
     --------
-    >>> stiffnesses_between(1.0, 10.0)
-    [2.25, 5.0625]
+    >>> stiffnesses_between(2.0, 20.0, 2.0)
+    [4.5, 10.125]
     """
-    first, last = (math.log(each) / (2.0 * math.log(SPAN)) for each in (low, high))
-    return [SPAN ** (2 * k) for k in range(math.floor(first) + 1, math.ceil(last))]
+    first, last = (math.log(each / inertia) / (2.0 * math.log(SPAN)) for each in (low, high))
+    return [inertia * SPAN ** (2 * k) for k in range(math.floor(first) + 1, math.ceil(last))]

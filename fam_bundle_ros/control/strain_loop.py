@@ -17,8 +17,9 @@ from fam_bundle_ros.control.strain_gains import RATE_LAG, strain_gains, StrainGa
 
 #: s: design sample time of the strain loop.
 _PERIOD = 4e-3
-#: Default inertia where none is known, N s^2: about 2.5 kg on a muscle of 127 mm.
-_USUAL_INERTIA = 0.3
+#: Weight of the load where none is known, as a share of the largest force.
+_USUAL_WEIGHT = 0.07
+_GRAVITY = 9.80665
 #: s: filter of the acceleration of a reference.
 _BEND_TIME = 0.01
 #: Half-width of the strain correction's backlash, in standard deviations of its noise.
@@ -28,10 +29,21 @@ _QUIET = 2.0
 _LAGS = 2.0
 
 
-def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float) -> StrainGains:
-    """Return the gains of the strain loop at a stiffness (N): those set, the others computed."""
+def usual_inertia(bundle: Any) -> float:
+    """Return the inertia of a usual load of a bundle, N s^2."""
+    mass = _USUAL_WEIGHT * float(bundle.force(0.0, bundle.max_pressure)) / _GRAVITY
+    return mass * bundle.length
+
+
+def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float, usual: float,
+                         ) -> StrainGains:
+    """
+    Return the gains of the strain loop at a stiffness (N): those set, the others computed.
+
+    ``usual`` is the inertia where that of the load is not known, N s^2.
+    """
     lag = command_lag(config, _PERIOD) + _PERIOD
-    found = strain_gains(stiffness, load.inertia or _USUAL_INERTIA, load.damping, lag)
+    found = strain_gains(stiffness, load.inertia or usual, load.damping, lag)
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return StrainGains(*(worked if value is None else value for value, worked in zip(
         given, (found.gain, found.integral, found.damping))))
@@ -77,7 +89,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         if not settings.load_known and state.load.known:
             stiffness += state.load.value[0]
             if settings.worked_out:
-                heavier = state.load.inertia / _USUAL_INERTIA
+                heavier = state.load.inertia / settings.usual_inertia
         # At equal stiffness over inertia, gains are proportional to the inertia.
         alike = stiffness / heavier
         gain = heavier * at_stiffness(settings, settings.strain_gain, alike)
@@ -124,7 +136,7 @@ def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate
     """
     load, known = state.load, state.load.known
     learn_load(load, measurement.strain, measurement.force, settings.most_stiffness,
-               _USUAL_INERTIA, settings.filter_time, dt)
+               settings.usual_inertia, settings.filter_time, dt)
     if not load.known:
         return 0.0
     if not known:

@@ -214,14 +214,23 @@ class Searched:
         return cls(comparison, data, offsets, Search(options, progress).run())
 
     def alone(self) -> Judged:
-        """Choose the set that explains this measurement, and judge it."""
+        """
+        Choose the set that explains this measurement, and judge it.
+
+        Where neither it nor what cross-validation leaves of it is an answer, the whole set comes
+        nearest.
+        """
         search = self.search
         chosen, found = best_of_ties(search, *named(search, search.best))
         if not found:
             chosen, found = likelier_than_not(search)
         likely = bool(found)
         physics = search.fitter.without_discrepancy(chosen)
-        return self._judged(*drop_unpredictive(search, chosen, found, physics), likely)
+        judged = self._judged(*drop_unpredictive(search, chosen, found, physics), likely)
+        if judged.finding.verdict == 'unexplained' and len(judged.found) < len(found):
+            whole = self.with_set(chosen)
+            return judged if whole.finding.named else whole
+        return judged
 
     def with_set(self, chosen: Fit) -> Judged:
         """Judge a given set."""

@@ -235,9 +235,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     refusals = (*_refusals(physics, held, _effect_of_pressure(fitter, null)),
                 *_worse_rows(cells, base, physics)) if found else ()
-    if found and structured:
-        refusals = (*refusals, *(f'{words}, and structure is left'
-                                 for words in implausible_constants(physics).values()))
+    if found and structured and (odd := implausible_constants(physics)):
+        refusals = (*refusals, f"{' and '.join(odd.values())}, and structure is left")
     warnings = (*_warnings(physics, held), *_undetermined(held, negligible(cells)),
                 *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior

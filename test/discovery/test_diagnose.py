@@ -379,6 +379,22 @@ def test_a_force_that_is_no_mckibben_muscles_is_unexplained(sweeps, paper_muscle
     assert no_name_above_half(diagnose(model, other, choices=choices))
 
 
+def test_what_comes_nearest_is_the_whole_set_with_the_reasons_against_it(sweeps, paper_muscle):
+    """A stiffening that the catalogue has not: the bladder that imitates it is told with friction.
+
+    Friction is true, but alone leaves as much as the model as given.
+    """
+    model = paper_muscle.without_effect('bladder_elasticity')
+    data = sweeps(model, cycles=1, extra=lambda e, p, way, t: (
+        -4.0 * way - 60.0 * e / (1.0 + 8.0 * e) - 9e3 * np.maximum(e - 0.12, 0.0) ** 2))
+    result = diagnose(model, data, choices=PAIRS)
+    assert no_name_above_half(result)
+    nearest = result.summary.partition('nearest: ')[2]
+    assert nearest.startswith(
+        'bladder_elasticity (shape: bladder_polynomial) and coulomb_friction, but bladder_')
+    assert 'widths of its prior from the usual value, and structure is left' in nearest
+
+
 def test_exchanged_columns_are_a_slip_or_unexplained(sweeps, paper_muscle):
     """Strain and pressure in each other's place, scaled into range."""
     data = sweeps(cycles=1)
