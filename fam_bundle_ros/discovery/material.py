@@ -111,7 +111,7 @@ class Constant(NamedTuple):
             ways = ', '.join(f'{way} with {column}' for column, way in found.ordered.items())
             return (f'{self.key} {ways}, but not as a power law ({text}; '
                     f'1 of {1.0 / found.chance:.0f} orders would)')
-        return f'{self.key} differs ({text}) and depends on no complete column of the table'
+        return f'{self.key} differs ({text}) and depends on no column of the table'
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as JSON has it."""
@@ -269,18 +269,20 @@ def constants(fits: Sequence[Fit], facts: Sequence[Mapping[str, float]], names: 
     return found
 
 
-def _relation(x: np.ndarray, s: np.ndarray, facts: Sequence[Mapping[str, float]], is_log: bool
-              ) -> Relation:
+def _relation(values: np.ndarray, sd: np.ndarray, facts: Sequence[Mapping[str, float]],
+              is_log: bool) -> Relation:
     """
     Return how a parameter depends on columns that have three or more distinct values.
 
     For a power law, a weighted line is fitted to the logarithms. Its residual scatter must be
-    consistent with the errors of the fits (chi-square test).
+    consistent with the errors of the fits (chi-square test). A column counts for the specimens
+    that have a number in it.
     """
     from scipy import stats
     best, least, ordered, chance = Relation(), np.inf, {}, 1.0
-    for fact in sorted(set.intersection(*map(set, facts))):
-        t = np.array([each[fact] for each in facts])
+    for fact in sorted(set().union(*facts)):
+        known = [k for k, each in enumerate(facts) if fact in each]
+        x, s, t = values[known], sd[known], np.array([facts[k][fact] for k in known])
         _, alike = np.unique(t, return_counts=True)
         if len(alike) < 3:
             continue

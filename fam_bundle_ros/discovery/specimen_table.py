@@ -87,6 +87,15 @@ def unused_columns(specimens: Iterable[Specimen]) -> list[str]:
             if not dimension_of(name) and (_is_like(unit, 'm') or _is_like(unit, 'deg'))]
 
 
+def incomplete_columns(specimens: Sequence[Specimen]) -> list[str]:
+    """Return a note for each column of numbers that is blank for some specimens."""
+    columns = dict.fromkeys(fact for specimen in specimens for fact in specimen.facts)
+    without = {column: [each.name for each in specimens if column not in each.facts]
+               for column in columns}
+    return [f"column '{column}' has no number for {', '.join(names)}: constants are compared "
+            'with it in the others' for column, names in without.items() if names]
+
+
 def _is_like(unit: str, like: str) -> bool:
     try:
         return bool(si_factor(unit, like))

@@ -28,7 +28,7 @@ from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.search import Progress
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.discovery.specimen_table import Specimen, unused_columns
+from fam_bundle_ros.discovery.specimen_table import incomplete_columns, Specimen, unused_columns
 from fam_bundle_ros.discovery.verdict import Finding
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -244,7 +244,7 @@ def diagnose_specimens(model: Bundle, specimens: Sequence[Specimen], *,
         joint.ties(names, answer, choices.odds), joint.probability(), verdicts,
         tuple(constants([judged[k].chosen for k in told], [specimens[k].facts for k in told],
                         [specimens[k].name for k in told], choices.odds)),
-        tuple(unused_columns(specimens)))
+        (*unused_columns(specimens), *incomplete_columns(specimens)))
 
 
 def _two_or_more(findings: Sequence[Finding]) -> list[int]:

@@ -131,7 +131,11 @@ def test_an_effect_is_compared_in_the_specimens_that_have_it(paper_muscle):
 @pytest.mark.parametrize('power', [-1.0, 0.5, 2.0])
 @pytest.mark.parametrize('is_log', [True, False])
 def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power, is_log):
-    """Within its errors; a fact that is one number in all, or another law, is not named."""
+    """
+    Within its errors; a fact that is one number in all, or another law, is not named.
+
+    A specimen without a length does not hide that of the others.
+    """
     length = np.array([0.08, 0.127, 0.2, 0.31])
     value = 3.0 * (length / 0.1) ** power
     facts = [{'length': t, 'age': age, 'batch': 7.0}
@@ -145,6 +149,10 @@ def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power, is_log):
     assert high - low == pytest.approx(2 * 1.96 * spread)
     only = [{key: each[key] for key in ('age', 'batch')} for each in facts]
     assert _relation(x, s, only, is_log) == Relation()
+    blank = [facts[0], *facts[2:], {'age': 4.0}]
+    x, s = np.append(np.delete(x, 1), 99.0), np.append(np.delete(s, 1), 0.02)
+    found = _relation(x, s, blank, is_log)
+    assert (found.goes_with, found.power) == ('length', pytest.approx(power))
 
 
 def test_a_line_through_two_values_is_no_power_law():
@@ -178,7 +186,7 @@ def test_a_constant_is_told_with_what_it_is():
         'a.b goes with length (power 1, 0.8 to 1.2: 1, 2 mm): not a constant of the material')
     assert told(relation=Relation(ordered={'age': 'rises'}, chance=1 / 12)) == (
         'a.b rises with age, but not as a power law (1, 2 mm; 1 of 12 orders would)')
-    assert told() == 'a.b differs (1, 2 mm) and depends on no complete column of the table'
+    assert told() == 'a.b differs (1, 2 mm) and depends on no column of the table'
     for shared in (0.55, 0.94, 0.06):
         assert told(shared=shared).startswith('a.b is undecided: one value in all has a')
     assert 'a constant of the material' in told(shared=0.6, odds=1.4)

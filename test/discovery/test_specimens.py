@@ -21,7 +21,7 @@ from fam_bundle_ros.discovery import (
     write_csv,
 )
 from fam_bundle_ros.discovery.options import Change
-from fam_bundle_ros.discovery.specimen_table import unused_columns
+from fam_bundle_ros.discovery.specimen_table import incomplete_columns, unused_columns
 from fam_bundle_ros.discovery.specimens import Verdict
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import load_model, save_model
@@ -182,6 +182,17 @@ def test_a_dimension_is_known_by_its_usual_names(tmp_path):
         {'length': 0.127, 'radius': 6.35e-3, 'wall_thickness': 1.59e-3})
     [note] = unused_columns([specimen])
     assert "'stroke [mm]' is not one of the dimensions length, radius" in note
+
+
+def test_a_column_with_a_blank_is_noted_with_the_specimens_that_it_does_not_count(tmp_path):
+    """By name; a full column is not."""
+    table = tmp_path / 'specimens.csv'
+    table.write_text('file,length [mm],age [days]\na.csv,127,\nb.csv,,3\nc.csv,80,\n')
+    assert incomplete_columns(read_specimens(table)) == [
+        "column 'length' has no number for b: constants are compared with it in the others",
+        "column 'age' has no number for a, c: constants are compared with it in the others"]
+    table.write_text('file,length [mm]\na.csv,127\nb.csv,90\n')
+    assert incomplete_columns(read_specimens(table)) == []
 
 
 def test_files_of_one_name_in_two_folders_are_named_apart(tmp_path):
