@@ -31,7 +31,7 @@ _ENOUGH = 6
 _OFFSET_LAGS = 3.0 * math.e
 #: Standard deviation of other changes of the force in a step (friction, noise), as a strain at the
 #: largest stiffness.
-_OTHER = 7.5e-4
+_OTHER = 5e-4
 #: Strain over which the stiffness may change completely.
 _REACH = 0.1
 #: Prior sd of the inertia over the usual one: up to a robot's arm.

@@ -89,7 +89,7 @@ class OuterConfig:
         Gain on the error of the strain rate.
     still : float, N, optional
         Backlash of the strain loop's correction: it is held while it would change by less than
-        this, or by less than its noise, so that no air is used for sensor noise. By default 0.06 %
+        this, or by less than its noise, so that no air is used for sensor noise. By default 0.02 %
         of the largest force.
     filter_time : float, s
         Low-pass filter of the force reading.

@@ -44,7 +44,7 @@ from fam_bundle_ros.control.strain_loop import default_strain_gains, strain_loop
 KINDS = ('force', 'strain')
 FORCE, STRAIN = 0, 1
 #: Default backlash of the strain loop's correction, as a share of the largest force.
-_STILL = 6e-4
+_STILL = 2e-4
 #: Load tables are padded to a multiple of this length, so that most records have one type.
 _TABLE = 16
 

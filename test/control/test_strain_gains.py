@@ -26,6 +26,15 @@ from fam_bundle_ros.model import Bundle
 STIFFNESS, INERTIA, LAG = 800.0, 0.5, 0.02
 
 
+@pytest.mark.parametrize('size', [0.02, 30.0])
+def test_gains_are_in_proportion_to_stiffness_inertia_and_damping(size):
+    """Strains and times are the same then."""
+    usual = strain_gains(STIFFNESS, INERTIA, 2.0, LAG)
+    other = strain_gains(size * STIFFNESS, size * INERTIA, size * 2.0, LAG)
+    assert [other.gain, other.integral, other.damping] == pytest.approx(
+        [size * usual.gain, size * usual.integral, size * usual.damping])
+
+
 def squared_error(gain, integral, rate, seconds=2.0, dt=2.5e-4):
     """Return the mean over plants of the integral of strain^2 after a load step of 1 N."""
     stiffness = np.repeat([STIFFNESS / SPAN, STIFFNESS, STIFFNESS * SPAN], 3)
@@ -47,7 +56,8 @@ def squared_error(gain, integral, rate, seconds=2.0, dt=2.5e-4):
 def costs(*gains):
     """Return what the design reckons for controllers (gain, integral, rate)."""
     s = 1j * np.sqrt(STIFFNESS / INERTIA) * np.logspace(-2.7, 1.3, 2000)
-    plants = _plants(s, (STIFFNESS / SPAN, STIFFNESS, STIFFNESS * SPAN), INERTIA, 0.0)
+    each = STIFFNESS / INERTIA
+    plants = _plants(s, (each / SPAN, each, each * SPAN), 0.0) / INERTIA
     control = np.array([gain + integral / s + rate * s / (1.0 + RATE_LAG * s)
                         for gain, integral, rate in gains]) * np.exp(-s * LAG)
     return _costs(s, plants, control)
@@ -119,11 +129,11 @@ def test_stiffnesses_for_which_gains_are_worked_out_go_up_in_even_ratios(bundles
 @pytest.mark.parametrize('stiffness', [0.3, 26.0, 438.7])
 def test_stiffnesses_for_heavy_loads_go_down_to_the_heaviest(stiffness):
     """In steps whose ranges meet, and the same steps wherever they end."""
-    below = stiffnesses_between(stiffness / 100.0, stiffness)
+    below = stiffnesses_between(stiffness / 100.0, stiffness, INERTIA)
     assert below[0] / SPAN ** 2 <= stiffness / 100.0 < below[0]
     assert below[-1] < stiffness <= below[-1] * SPAN ** 2
     assert np.array(below[1:]) / below[:-1] == pytest.approx(SPAN ** 2)
-    assert set(below) <= set(stiffnesses_between(1e-3, 1e3))
+    assert set(below) <= set(stiffnesses_between(1e-3, 1e3, INERTIA))
 
 
 @pytest.mark.parametrize('lighter', [False, True])
