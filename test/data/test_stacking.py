@@ -291,3 +291,20 @@ def test_a_column_beside_levels_may_be_known_by_its_unit_alone(trials):
     table = {'dL / mm': 250.0 * trials[0][1],
              **{f'F(N) at {p[0] / 1e5:g} bar': f for _, _, p, f in trials}}
     same(read_measurement(table, rest_length='250 mm'), trials)
+
+
+@pytest.mark.parametrize('name', ['{:g} bar', 'p = {:g} bar', '{:g}bar_up'])
+def test_the_names_of_trials_may_tell_the_pressure(trials, name):
+    """A tidy table with a name for each series; what the user tells counts more."""
+    _, strain, pressure, force = (np.concatenate(parts) for parts in zip(*trials))
+    table = {'series': np.array([name.format(p / 1e5) for p in pressure], object),
+             'x': 100.0 * strain, 'y': force}
+    told = {'contraction': 'x [%]', 'force': 'y [N]'}
+    data = read_measurement(table, columns=told)
+    same(data, trials)
+    assert "pressure as the names in 'series' tell" in data.notes
+    one = read_measurement(table, columns={**told, 'pressure': '2 bar'})
+    assert np.unique(one.pressure).tolist() == [200e3]
+    table['series'] = np.where(pressure > 3e5, 'last', table['series'])
+    with pytest.raises(InputError, match="'pressure' is missing"):
+        read_measurement(table, columns=told)

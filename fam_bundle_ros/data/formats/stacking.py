@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.cells import cell_text, is_text
 from fam_bundle_ros.data.column_names import dimension_of, recognise, STRAINS
 from fam_bundle_ros.data.formats.heads import cells_of
 from fam_bundle_ros.data.formats.table import is_unnamed, names_column, Table, unique
@@ -59,7 +60,8 @@ def unstacked(table: Table, told: Mapping[str, str] | None = None) -> Table:
 
     ``told`` is what the user tells of columns, by quantity.
     """
-    return _blocks(_without_runs(table), told or {}) or _levels(table) or table
+    return (_blocks(_without_runs(table), told or {}) or _levels(table) or _by_trials(table)
+            or table)
 
 
 def _without_runs(table: Table) -> Table:
@@ -245,6 +247,24 @@ def _levels(table: Table) -> Table | None:
                    units=units, blanks=None, rows=np.tile(table.rows, len(levels))[kept],
                    notes=(*table.notes, f'{len(levels)} columns are the force at a {quantity} '
                           'each: read one below the other'))
+
+
+def _by_trials(table: Table) -> Table | None:
+    """Return a table with the pressure that only the names of its trials tell; None for others."""
+    known = table.quantities
+    trials = [header for header, quantity in known.items()
+              if quantity == 'trial' and is_text(table.columns[header])]
+    if 'pressure' in known.values() or len(trials) != 1:
+        return None
+    names = [cell_text(cell) for cell in table.columns[trials[0]]]
+    levels = {name: _level(name) for name in set(names)}
+    found = {name: level for name, level in levels.items() if level and (
+        level.quantity == 'pressure')}
+    if len(found) < len(levels) or len({level.unit for level in found.values()}) != 1:
+        return None
+    whole = _with_pressure(table, np.array([found[name].value for name in names]),
+                           found[names[0]].unit)
+    return replace(whole, notes=(*table.notes, f"pressure as the names in '{trials[0]}' tell"))
 
 
 def _meant(table: Table, header: str) -> str:
