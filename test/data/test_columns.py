@@ -538,3 +538,14 @@ def test_the_atmosphere_of_a_column_may_be_taken_off(log):
     read = read_measurement(table, columns={'pressure': told})
     assert np.allclose(read.pressure[:, 0], pressure)
     assert not any('p_atm' in note for note in read.notes)
+
+
+@pytest.mark.parametrize(('header', 'absolute'), [
+    ('Pressure / bar(g)', False), ('Pressure / bar (a)', True), ('p [bar] (abs)', True),
+    ('Pressure (bar) (g)', False), ('Druck in bar(rel)', False), ('p_bar(a)', True)])
+def test_what_a_pressure_is_relative_to_may_stand_behind_its_unit(log, header, absolute):
+    """The (g) of bar(g) is no gram: as ISO writes quantities, and as tables are typed."""
+    time, strain, pressure, force = log
+    data = read_measurement({'t / s': time, 'contraction / %': 100.0 * strain, 'F / N': force,
+                             header: pressure / 1e5 + (1.01325 if absolute else 0.0)})
+    assert np.allclose(data.pressure[:, 0], pressure)
