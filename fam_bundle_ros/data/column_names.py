@@ -83,6 +83,9 @@ _GERMAN = re.compile(r'^(?P<first>\w*?)(?P<last>druck|kraft|laenge|zeit|weg|verk
 #: Gauge or absolute, in brackets behind the unit: 'Druck in bar (\u00dcberdruck)'.
 _GAUGE_WORD = re.compile(
     r'(?<=\w)\s*\((\u00fcberdruck|ueberdruck|gauge|relativ\w*|absol\w*)\)\s*$', re.IGNORECASE)
+#: 'Pressure / bar(g)', 'p [kPa] (abs)'.
+_RELATIVE = re.compile(r'(?<![^\W_])(m?bar|psi|[kmh]?pa)(\s*[\])])?\s*\((g|a|abs|rel)\.?\)\s*$',
+                       re.IGNORECASE)
 #: What ControlDesk puts around a name: 'Model Root/Force/Out1'.
 _DSPACE = re.compile(r'^.*\bModel Root/|(?<=\w)/(Out|In)\d*$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:[(\[][^()\[\]]*[)\]][^\[\](){}<>]*)?)[\])}>]')
@@ -164,7 +167,7 @@ def recognise(header: str, unit_text: str = '') -> Match:
     """
     if rest_length_of(f'{header} {unit_text}=1') is not None:
         return Match('', why='the rest length')
-    header = _DSPACE.sub('', half_width(header))
+    header = _DSPACE.sub('', _plain(header))
     best = Match('')
     if header.startswith('/'):
         return _of_topic(header, unit_text)
@@ -256,6 +259,19 @@ def names_rest_length(line: str) -> bool:
     return _REST.search(line) is not None
 
 
+def _plain(header: str) -> str:
+    """
+    Return a header in half width, what its pressure is relative to inside of the unit.
+
+    Examples
+    --------
+    >>> _plain('Pressure / bar(g)'), _plain('p [kPa] (abs)'), _plain('Mass (g)')
+    ('Pressure / bar g', 'p [kPa abs]', 'Mass (g)')
+    """
+    return _RELATIVE.sub(lambda unit: f'{unit[1]} {unit[3]}{(unit[2] or "").strip()}',
+                         half_width(header))
+
+
 def unit_text_of(header: str) -> str | None:
     """
     Return the text in place of a header's unit, whether it is a known unit or not; None for none.
@@ -265,7 +281,7 @@ def unit_text_of(header: str) -> str | None:
     >>> unit_text_of('Mass [kg]'), unit_text_of('F_N'), unit_text_of('F')
     ('kg', 'N', None)
     """
-    header = half_width(header)
+    header = _plain(header)
     bracket = re.search(r'[\[({<]\s*([^\[({<]*)[\])}>]\s*$', header)
     unit = dimension_of(header)
     return bracket[1] if bracket else unit.text if unit else None
@@ -273,7 +289,7 @@ def unit_text_of(header: str) -> str | None:
 
 def _splits(header: str, unit_text: str) -> list[tuple[str, str | None]]:
     """Return the possible pairs of name and unit of a header; the unit is None for no unit."""
-    header = re.sub('(?<!_)_$', '', half_width(header).rstrip())  # 'Force_N_' of writetable
+    header = re.sub('(?<!_)_$', '', _plain(header).rstrip())  # 'Force_N_' of writetable
     brackets = list(_BRACKET.finditer(header))
     if unit_text:
         return [(header, unit_text)]

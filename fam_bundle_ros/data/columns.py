@@ -25,7 +25,7 @@ from fam_bundle_ros.data.cells import (
     seconds,
 )
 from fam_bundle_ros.data.column_choice import Choices
-from fam_bundle_ros.data.column_names import absolute_of, likes
+from fam_bundle_ros.data.column_names import absolute_of, likes, words_of
 from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words, settings
 from fam_bundle_ros.data.formats.channels import clocks_in
 from fam_bundle_ros.data.formats.heads import interval_of
@@ -44,6 +44,8 @@ from fam_bundle_ros.told import counted, number
 _INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')
 #: The lowest reading of a vented sensor that shows absolute pressures, Pa.
 _ATMOSPHERE = 94e3, 104e3
+#: Words for the atmosphere in the name of a pressure.
+_AROUND = frozenset('atm atmospheric atmosphere ambient barometric barometer umgebung'.split())
 #: Pa: a pressure within this of the lowest is vented too.
 _VENTED = 3e3
 
@@ -306,7 +308,18 @@ class _Reader:
         if absolute is None and (why := self._may_be_absolute(values[key], values['force'])):
             self.notes.append(f"{why}: '{choice.header}' is taken as gauge; is it absolute "
                               '(--absolute)?')
+        if absolute and choice.header:
+            self.notes += self._barometers(choice.header)
         return self.recipe.ambient_pressure if absolute else 0.0
+
+    def _barometers(self, absolute: str) -> list[str]:
+        """Return a note on each column that reads the atmosphere around an absolute pressure."""
+        return [f"{self.recipe.ambient_pressure / 1e3:.4g} kPa are taken off '{absolute}'; to "
+                f"take off the atmosphere of '{header}', tell --columns "
+                f'"pressure={absolute} - {header}"'
+                for header in self.table.columns if _AROUND & set(words_of(header))
+                and self.table.unit_text(header) == self.table.unit_text(absolute) is not None
+                and header not in absolute]
 
     def _may_be_absolute(self, pressure: np.ndarray, force: np.ndarray) -> str:
         """Return why a pressure may be absolute (a remark, no force at 1 atm), else ''."""

@@ -18,6 +18,8 @@ from fam_bundle_ros.data.rates import BY_CHANCE, FALSE_ALARM, REST_PRESSURE
 #: Where a smooth force turns, readings in the last step of a converter over those in the step
 #: before: sqrt(1) to sqrt(2) - sqrt(1).
 _TURN = 1.0 / (math.sqrt(2.0) - 1.0)
+#: Readings that differ by less, as a share of their range, are equal but for the last digits.
+_EQUAL = 1e-9
 #: Range of the strain of a muscle that is held, and moves by a weak frame or noise.
 _HELD = 0.01
 
@@ -27,8 +29,9 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
     """
     Return the rows, (T,) bool, with a value that a channel jumps to and returns from.
 
-    Each of these jumps is larger than all other steps of the channel, while the steps of the
-    other channels are usual ones: when a muscle is vented, its force falls as well.
+    Each of these jumps is larger than all other steps of the channel, by more than its readings
+    are rounded to, while the steps of the other channels are usual ones: when a muscle is vented,
+    its force falls as well.
 
     Parameters
     ----------
@@ -46,6 +49,8 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
     """
     step = np.where(within, np.abs(np.diff(values)), 0.0)
     largest = int(np.argmax(step))
+    apart = np.diff(np.unique(values))
+    rounding = apart[apart > _EQUAL * np.ptp(values)].min(initial=np.inf)
 
     def jumps(code: float) -> np.ndarray:
         """Return the steps to or from a value, (T - 1,) bool."""
@@ -68,7 +73,7 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
         beside = np.where(held[1:], values[:-1], values[1:])[jump]
         passes = beside.min(initial=np.inf) < code < beside.max(initial=-np.inf)
         if (not passes and 1 < held.sum() < 0.5 * len(held) and jump.sum() > 1 and rest.any()
-                and step[jump].min() > step[rest].max()
+                and step[jump].min() > step[rest].max() + rounding
                 and not any(moves_too(each, jump) for each in others.values())):
             return held
     return np.zeros(len(values), bool)

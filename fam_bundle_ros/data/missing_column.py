@@ -5,18 +5,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import re
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import is_text, numbers
+from fam_bundle_ros.data.cells import is_number, is_text, numbers
 from fam_bundle_ros.data.checks import ranges
-from fam_bundle_ros.data.column_names import is_longer, STRAINS, unit_for
-from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.column_names import is_longer, recognise, STRAINS, unit_for
+from fam_bundle_ros.data.formats.heads import cells_of
+from fam_bundle_ros.data.formats.table import is_unnamed, Table
 from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
 from fam_bundle_ros.data.measurement import Taken
 from fam_bundle_ros.data.missing_units import example_unit
 from fam_bundle_ros.data.told_columns import name_of
 from fam_bundle_ros.data.unit_names import ELECTRIC
+
+#: A strain in the name of a file: 'L285mm', 'eps_10%'.
+_IN_NAME = re.compile(r'(?<![^\W\d_])([^\W\d_]*)[ _=-]*(\d+(?:[.,]\d+)?)[ _]?(mm|cm|%)'
+                      r'(?![^\W\d_])')
 
 
 def family(key: str) -> str:
@@ -52,10 +58,12 @@ def missing_column(table: Table, key: str, taken: Sequence[Taken]) -> str:
     misfit = _misfit(table, key, unused)
     if misfit:
         return f'{table.name}: {misfit}{found}'
-    missing, examples = f"{table.name}: column '{key}' is missing{found}", _examples(
-        table, key, unused)
+    missing, examples = f"{table.name}: column '{key}' is missing{found}{_numbers_above(table)}", \
+        _examples(table, key, unused)
     if key == 'pressure' and not examples:  # it is a constant, or not in this file
         return missing + _constant_pressure(table)
+    if key == 'strain' and not examples and not unused:  # of an isometric test
+        return missing + _constant_strain(table.name)
     example = f'--columns "{(examples or [_unknown(key)])[0]}"'
     if key == 'pressure' and len(examples) > 1:
         example += ', or of motor units ' + ' '.join(
@@ -74,6 +82,16 @@ def _meaning(table: Table, entry: Taken) -> str:
     return f'{entry.why} ({np.nanmin(column):.4g} to {np.nanmax(column):.4g})'
 
 
+def _numbers_above(table: Table) -> str:
+    """Return what is wrong with a line of numbers in place of names, '' for others."""
+    cells = [cell for cell in cells_of(table.above[-1]) if cell] if table.above else []
+    if len(cells) < 3 or not all(map(is_unnamed, table.columns)) or not all(
+            map(is_number, cells[1:])):
+        return ''
+    return (f"; above them stands '{' '.join(cells)[:60]}': expected names, or levels with a "
+            f"unit, '{cells[1]} kPa' in place of '{cells[1]}'")
+
+
 def _constant_pressure(table: Table) -> str:
     """Return how to tell a pressure that is the same in all rows, as a title says it if any."""
     titles = titles_of(table)
@@ -87,6 +105,18 @@ def _constant_pressure(table: Table) -> str:
         where = f'(row {title.row})' if title.row else 'in the name of the file'
         value, said = f'{title.pressure / 1e3:g} kPa', f", as '{title.text}' {where} says"
     return (f'; tell it, a constant for all rows{said}, for example --columns "pressure={value}"')
+
+
+def _constant_strain(name: str) -> str:
+    """Return how to tell a strain, or one for all rows, as the name of a file says it if any."""
+    found = _IN_NAME.search(name.rpartition('.')[0])
+    quantity = found and ('strain' if found[3] == '%' else recognise(found[1]).quantity)
+    value, said = 'length=285 mm', ''
+    if found and quantity in STRAINS:
+        value = f'{quantity}={found[2].replace(",", ".")} {found[3]}'
+        said = f", as '{found[0].strip(' _-')}' in the name of the file says"
+    return (f'; tell it, for example --columns "{_unknown("strain")}", or a constant for all rows'
+            f'{said}, --columns "{value}"')
 
 
 def _unknown(key: str) -> str:

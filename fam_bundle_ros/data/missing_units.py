@@ -99,9 +99,11 @@ def time_unit(name: str, header: str, values: np.ndarray) -> tuple[Unit, str]:
     """
     finite = values[np.isfinite(values)]
     top = float(np.abs(finite).max()) if len(finite) else 0.0
-    for least, text in ((1e17, 'ns'), (1e14, 'us'), (1e11, 'ms'), (1e9, 's')):
+    # seconds up to the year 2096: beyond is a counter of ms or us since the start
+    for least, most, text in ((1e17, np.inf, 'ns'), (1e14, 1e17, 'us'), (1e11, 1e14, 'ms'),
+                              (1e9, 4e9, 's')):
         unit = unit_of(text, 's')
-        if top > least and unit is not None:
+        if least < top <= most and unit is not None:
             return unit, f'{text} since 1970, by its size'
     steps = np.abs(np.diff(finite))
     steps = steps[steps > 0]

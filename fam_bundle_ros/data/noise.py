@@ -200,10 +200,15 @@ def second_differences(measurement: Measurement, values: np.ndarray) -> float | 
 
     In a static map neighbours are rows of equal strain in the order of one unit's pressure; the
     other units have equal pressures. If a bundle has few such rows (random pressures), they are
-    neighbours in the order of the sum of all pressures.
+    neighbours in the order of the sum of all pressures; if one muscle has few (curves of a figure,
+    each with strains of its own), rows of an isobar in the order of the strain too.
     """
     gap = _gaps(measurement, values, *_lines(measurement))
-    if len(gap) < len(values) // 4 and measurement.is_static and measurement.pressure.shape[1] > 1:
+    few = len(gap) < len(values) // 4 and measurement.is_static
+    if few and measurement.pressure.shape[1] == 1:
+        isobar = np.round(measurement.pressure[:, 0] / _isobar_width(measurement)[0])
+        gap = np.r_[gap, _gaps(measurement, values, measurement.strain, isobar)]
+    elif few:
         total = measurement.pressure.sum(-1)
         gap = _gaps(measurement, values, total, _strain_levels(measurement))
     if len(gap) < 6:

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-import re
 from typing import Any
 
 from fam_bundle_ros.data.bagfile import bag_table, read_bag
@@ -18,6 +17,7 @@ from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
 from fam_bundle_ros.data.formats.long import wide
 from fam_bundle_ros.data.formats.stacking import parts_of_one, unstacked
 from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
+from fam_bundle_ros.data.formats.table import names_column
 from fam_bundle_ros.data.formats.titles import titled
 from fam_bundle_ros.data.formats.unit_columns import with_unit_columns
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
@@ -230,14 +230,14 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
     else:
         table = of_frame(source, name or 'frame')
     told = recipe.columns
+    side_by_side = partial(unstacked, told=told)
     for change in (oldest_first, with_stamps, wide, partial(
-            with_unit_columns, told=told.values()), titled, unstacked):
+            with_unit_columns, told=told.values()), titled, side_by_side):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
-        asked = any(re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) for header in gone
-                    for text in told.values())
+        asked = any(names_column(text, header) for header in gone for text in told.values())
         # a pressure that the user tells replaces that of names and titles
-        twice = change in (titled, unstacked) and 'pressure' in changed.columns.keys() - set(
+        twice = change in (titled, side_by_side) and 'pressure' in changed.columns.keys() - set(
             table.columns) and any(key.partition('.')[0] == 'pressure' for key in told)
         if not asked and not twice:
             table = changed

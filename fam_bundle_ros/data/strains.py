@@ -221,6 +221,9 @@ def _length_notes(name: str, choice: Choice, share: np.ndarray, rest: RestLength
     if not 0.5 < longest < 1.2:
         says = f'; the file says {1e3 * rest.stated:.4g} mm' if rest.stated else ''
         size = 1e3 * (rest.used or 1.0)
+        if choice.why.startswith('by its unit'):
+            says += (f'; if it is a position, tell its zero, for example --columns "contraction='
+                     f'{choice.header} - {size * np.nanmin(share):.4g} mm"')
         raise InputError(
             f'{name}, row {rows[np.nanargmax(share)]}: lengths up to {size * longest:.4g} mm '
             f'beside a rest length of {size:.4g} mm; expected the rest length of this muscle '

@@ -16,7 +16,7 @@ import re
 from fam_bundle_ros.data.cells import is_text
 from fam_bundle_ros.data.column_names import likes, QUANTITIES, unit_for
 from fam_bundle_ros.data.formats.table import Table
-from fam_bundle_ros.data.unit_names import Unit, VOLTS
+from fam_bundle_ros.data.unit_names import Unit, unit_of, VOLTS
 from fam_bundle_ros.errors import InputError
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
@@ -85,6 +85,8 @@ def with_sums(table: Table, told: Mapping[str, str]) -> Table:
         if unit != second:
             raise InputError(f"{table.name}: '{one}' is in {unit}, '{other}' in {second}; "
                              'expected one unit')
+        if unit and parts[2] == '-' and (measure := unit_of(unit, 'Pa')):
+            unit = f'{measure.text} gauge'  # whatever both are relative to
         columns[text] = columns[one] + (1 if parts[2] == '+' else -1) * columns[other]
         if unit:
             units[text] = unit

@@ -9,12 +9,13 @@ import re
 from typing import NamedTuple
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.units import si_factor
+from fam_bundle_ros.units import registry, si_factor
 
 #: Units of voltages, in V.
 VOLTS = {'V': 1.0, 'Volt': 1.0, 'Volts': 1.0, 'mV': 1e-3, 'uV': 1e-6, '\u00b5V': 1e-6}
 #: Units of readings that need a calibration.
-ELECTRIC = frozenset((*VOLTS, 'mV/V', 'A', 'mA', 'counts', 'count', 'digits', 'ADC'))
+ELECTRIC = frozenset((*VOLTS, 'mV/V', 'A', 'mA', 'counts', 'count', 'digits', 'ADC', 'px', 'pixel',
+                      'pixels'))
 #: SI unit: {spelling in lower case without blanks: factor}. Others are left to pint.
 _UNITS: dict[str, dict[str, float]] = {
     'N': {'n': 1.0, 'newton': 1.0, 'newtons': 1.0, 'kn': 1e3, 'mn': 1e-3, 'cn': 1e-2,
@@ -33,7 +34,8 @@ _UNITS: dict[str, dict[str, float]] = {
     'm': {'m': 1.0, 'meter': 1.0, 'metre': 1.0, 'dm': 0.1, 'cm': 1e-2, 'zentimeter': 1e-2,
           'mm': 1e-3, 'millimeter': 1e-3, 'millimetre': 1e-3, 'um': 1e-6, 'nm': 1e-9,
           'in': 0.0254, 'inch': 0.0254, 'inches': 0.0254, 'zoll': 0.0254, '"': 0.0254,
-          'mil': 2.54e-5, 'ft': 0.3048, 'ミリメートル': 1e-3, 'ミリ': 1e-3, '毫米': 1e-3},
+          'mil': 2.54e-5, 'mils': 2.54e-5, 'ft': 0.3048,
+          'ミリメートル': 1e-3, 'ミリ': 1e-3, '毫米': 1e-3},
     's': {'s': 1.0, 'sec': 1.0, 'secs': 1.0, 'second': 1.0, 'seconds': 1.0, 'sek': 1.0,
           'sekunde': 1.0, 'sekunden': 1.0, 'ms': 1e-3, 'msec': 1e-3, 'millis': 1e-3,
           'milliseconds': 1e-3, 'millisekunden': 1e-3, 'us': 1e-6, 'usec': 1e-6,
@@ -46,6 +48,14 @@ _UNITS: dict[str, dict[str, float]] = {
           'pct': 1e-2, 'prozent': 1e-2, 'permille': 1e-3, '\u2030': 1e-3, 'l0': 1.0},
     '1/s': {'1/s': 1.0, '/s': 1.0, 's-1': 1.0, 's^-1': 1.0, '%/s': 1e-2, '%/min': 1e-2 / 60.0},
 }
+#: Units of pint that stand in logs, those that take a prefix first. Others are words: 'dat' of
+#: 'data' is no decatechnical atmosphere, a 'px' no 1/96 inch.
+_PREFIXED = frozenset("""pascal bar newton meter second gram strain dyne torr force_gram meter_Hg
+    meter_H2O pound_force_per_square_inch""".split())
+_MEASURES = _PREFIXED | frozenset("""minute hour day inch foot yard micron pound ounce
+    force_pound force_ounce force_kilogram force_metric_ton kip kip_per_square_inch inch_Hg
+    inch_H2O standard_atmosphere technical_atmosphere percent permille ppm""".split())
+_PREFIXES = frozenset("""giga mega kilo hecto deca deci centi milli micro nano""".split()) | {''}
 _ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(\[]*(?:(?P<abs>absolute|absolut|abs|a)|'
                        r'(?P<gauge>gauge|relative|relativ|rel|g|\u00fc))[.)\]]*$', re.IGNORECASE)
 
@@ -114,9 +124,27 @@ def _factor(text: str, like: str) -> float | None:
     if like not in _UNITS or not re.search('[A-Za-z]', plain) or re.match(r'\d', plain):
         return None  # 'P 2 kPa' is a second pressure
     try:
-        return si_factor(text, like)
+        return si_factor(text, like) if _is_measure(text) else None
     except InputError:
         return None
+
+
+def _is_measure(text: str) -> bool:
+    """
+    Return whether a text that pint may know as a unit consists of units that stand in logs.
+
+    Examples
+    --------
+    >>> [_is_measure(text) for text in ('kilopascals', 'kN/m^2', 'dat', 'px', 'Pth')]
+    [True, True, False, False, False]
+    """
+    units = registry()
+    try:
+        names = list(units.parse_units(text)._units)
+    except Exception:  # pint raises many kinds, also its tokenizer's own
+        return False
+    return all(any(unit in _MEASURES and prefix in (_PREFIXES if unit in _PREFIXED else ('',))
+                   for prefix, unit, _ in units.parse_unit_name(name)) for name in names)
 
 
 def unbracketed(cell: str) -> str:

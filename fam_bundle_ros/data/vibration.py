@@ -16,6 +16,8 @@ from fam_bundle_ros.data.rates import begins, FALSE_ALARM
 _PADDED = 8
 #: Bins over the range of strain or pressure, in which a periodic function of it is seen.
 _BINS = 60
+#: Rounds of alternating least squares for an amplitude for each trial.
+_ROUNDS = 4
 
 
 class Vibration(NamedTuple):
@@ -35,7 +37,8 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     more than two periods in a trial: in drift and other noise that grows towards low frequencies,
     one or two periods per trial have as much. A function of strain or pressure, and of direction,
     that is passed at constant speed is periodic in time too: means over cells of strain, or of a
-    pressure, and direction must explain less.
+    pressure, and direction must explain less, also with an amplitude for each trial, as of an
+    error that grows with the pressure of isobars.
 
     Parameters
     ----------
@@ -95,21 +98,31 @@ def _share_of_place(measurement: Measurement, values: np.ndarray) -> float:
     passes = np.cumsum(begins(way, measurement.trial))
     columns = [column for column in (measurement.strain, *measurement.pressure.T)
                if np.ptp(column) > 0.0]
-    return max((_explained(np.round(column / np.ptp(column) * _BINS), way, passes, values)
-                for column in columns), default=0.0)
+    _, trial = np.unique(measurement.trial, return_inverse=True)
+    return max((_explained(np.round(column / np.ptp(column) * _BINS), way, passes, trial.ravel(),
+                           values) for column in columns), default=0.0)
 
 
-def _explained(place: np.ndarray, way: np.ndarray, passes: np.ndarray, values: np.ndarray,
-               ) -> float:
-    """Return the adjusted R^2 of the means over place and way, of those with several passes."""
+def _explained(place: np.ndarray, way: np.ndarray, passes: np.ndarray, trial: np.ndarray,
+               values: np.ndarray) -> float:
+    """
+    Return the adjusted R^2 of the means over place and way, of those with several passes.
+
+    The larger of one amplitude for all trials and of one for each, by alternating least squares.
+    """
     _, cell = np.unique(np.stack([place, way], -1), axis=0, return_inverse=True)
     cell = cell.ravel()
     visits = np.unique(np.stack([cell, passes], -1), axis=0)[:, 0]
     again = np.bincount(visits) > 1
-    count = np.bincount(cell)
-    free = len(values) - int(again.sum())
-    if free < 1:
-        return 0.0
-    mean = np.where(again, np.bincount(cell, values) / count, 0.0)
-    left = values - mean[cell]
-    return 1.0 - float(left @ left) / free / float(np.var(values, ddof=1))
+    shares, amplitude = [0.0], np.ones(len(values))
+    for fitted in (0, *[int(trial.max())] * _ROUNDS):
+        free = len(values) - int(again.sum()) - fitted
+        weight = np.bincount(cell, amplitude ** 2)
+        mean = np.where(again & (weight > 0.0), np.bincount(cell, amplitude * values) / np.where(
+            weight > 0.0, weight, 1.0), 0.0)[cell]
+        left = values - amplitude * mean
+        if free > 0:
+            shares.append(1.0 - float(left @ left) / free / float(np.var(values, ddof=1)))
+        size = np.bincount(trial, mean ** 2)
+        amplitude = (np.bincount(trial, mean * values) / np.where(size > 0.0, size, 1.0))[trial]
+    return max(shares)

@@ -510,3 +510,42 @@ def test_a_column_that_is_not_taken_says_why(name, kind, why):
     entry = next(each for each in data.taken if each.header == name)
     assert entry.why == why
     assert bool(entry.quantity) == (why == '')
+
+
+def test_a_column_that_is_called_data_has_no_unit_by_that(log):
+    """A topic of a number ends in '/data': its pressures here are in psi, by their size."""
+    time, strain, pressure, force = log
+    read = read_measurement({'time_data': time, 'contraction_data': strain,
+                             'pressure_data [psi]': pressure / 6894.757, 'force_data [N]': force})
+    assert np.allclose(read.pressure[:, 0], pressure, rtol=1e-5)
+    with pytest.raises(InputError, match="'pressure_data' has no unit"):
+        read_measurement({'time_data': time, 'contraction_data': strain,
+                          'pressure_data': pressure / 6894.757, 'force_data': force})
+    with pytest.raises(InputError, match='or what one px is worth'):
+        read_measurement({'t [s]': time, 'displacement [px]': 1e3 * strain,
+                          'p [kPa]': pressure / 1e3, 'F [N]': force}, rest_length='250 mm')
+
+
+def test_the_atmosphere_of_a_column_may_be_taken_off(log):
+    """A difference of two absolute pressures is gauge; the column of the atmosphere is named."""
+    time, strain, pressure, force = log
+    table = {'t [s]': time, 'strain': strain, 'p_abs [kPa]': pressure / 1e3 + 81.0,
+             'p_atm [kPa]': np.full(len(time), 81.0), 'F [N]': force}
+    usual = read_measurement(table)
+    assert np.allclose(usual.pressure[:, 0], pressure - 20.325e3)
+    told = 'p_abs [kPa] - p_atm [kPa]'
+    assert any(f'"pressure={told}"' in note for note in usual.notes)
+    read = read_measurement(table, columns={'pressure': told})
+    assert np.allclose(read.pressure[:, 0], pressure)
+    assert not any('p_atm' in note for note in read.notes)
+
+
+@pytest.mark.parametrize(('header', 'absolute'), [
+    ('Pressure / bar(g)', False), ('Pressure / bar (a)', True), ('p [bar] (abs)', True),
+    ('Pressure (bar) (g)', False), ('Druck in bar(rel)', False), ('p_bar(a)', True)])
+def test_what_a_pressure_is_relative_to_may_stand_behind_its_unit(log, header, absolute):
+    """The (g) of bar(g) is no gram: as ISO writes quantities, and as tables are typed."""
+    time, strain, pressure, force = log
+    data = read_measurement({'t / s': time, 'contraction / %': 100.0 * strain, 'F / N': force,
+                             header: pressure / 1e5 + (1.01325 if absolute else 0.0)})
+    assert np.allclose(data.pressure[:, 0], pressure)

@@ -149,3 +149,15 @@ def test_what_is_no_dropout_is_not_said(noisy, force):
     """Jumps as large as all others, a value held most of the time, and one that is passed."""
     _, said = noisy
     assert 'jumps to' not in said(force=force(np.arange(240)))
+
+
+def test_a_sweep_in_even_steps_loses_no_reading_at_its_turn(muscle):
+    """Steps of a slow log are equal but for the last digits; each trial turns at one strain."""
+    rng = np.random.default_rng(1)
+    once = 18.0 * (1.0 - np.abs(1.0 - np.arange(20) / 10.0))
+    strain, pressure = np.tile(1e-3 * once / 0.09, 3), np.repeat([200e3, 400e3, 300e3], 20)
+    steps = np.abs(np.diff(strain[:20]))
+    assert steps[9:11].min() > np.delete(steps, [9, 10]).max()  # by a last digit
+    notes = build('log', strain, pressure, muscle(strain, pressure) + rng.normal(0, 0.2, 60),
+                  np.repeat([0, 1, 2], 20), np.arange(60.0)).notes
+    assert not any('lost' in note for note in notes)

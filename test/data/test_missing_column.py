@@ -119,3 +119,30 @@ def test_a_message_offers_the_column_that_is_most_like_what_is_missing(log):
     with pytest.raises(InputError) as caught:
         read_measurement(table(log, force=('MAIN.load_1', log[3]), time=('counter', log[0])))
     assert 'for example --columns "force=MAIN.load_1 [N]"' in str(caught.value)
+
+
+@pytest.mark.parametrize(('name', 'told'), [
+    ('isometric_L237.5mm.csv', 'length=237.5 mm'), ('eps_5%.csv', 'strain=5 %'),
+    ('contraction 12.5 mm.csv', 'contraction=12.5 mm'), ('muscle_20mm.csv', 'length=285 mm')])
+def test_a_strain_in_the_name_of_a_file_is_offered(log, tmp_path, name, told):
+    """Of an isometric test, whose table has no strain; a number of something else is not taken."""
+    path = tmp_path / name
+    path.write_text('t [s],p [kPa],F [N]\n' + ''.join(
+        f'{t:.2f},{p / 1e3:.2f},{f:.3f}\n' for t, _, p, f in zip(*log)))
+    with pytest.raises(InputError, match=f'--columns "{told}"') as caught:
+        read_measurement(path)
+    assert ('in the name of the file' in str(caught.value)) == ('muscle' not in name)
+    if 'muscle' not in name:
+        read = read_measurement(path, columns=dict([told.split('=')]), rest_length='250 mm')
+        assert np.allclose(read.strain, 0.05)
+
+
+def test_numbers_in_place_of_names_are_told(log, tmp_path):
+    """A table of a thesis whose pressures have their unit in the caption."""
+    path = tmp_path / 'table.txt'
+    path.write_text('Force in N by pressure (kPa)\ndL [mm]\t100\t200\t300\n' + ''.join(
+        f'{k}\t{900 - k}\t{1900 - k}\t{2900 - k}\n' for k in range(20)))
+    with pytest.raises(InputError, match="stands 'dL .mm. 100 200 300': .*'100 kPa' in place of"):
+        read_measurement(path)
+    path.write_text(path.read_text().replace('100\t200\t300', '100 kPa\t200 kPa\t300 kPa'))
+    assert len(read_measurement(path, rest_length='250 mm')) == 60

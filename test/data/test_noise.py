@@ -337,3 +337,16 @@ def test_too_few_rows_have_the_spread_of_their_residual():
     assert (only.value, only.differences, only.repeats, only.correlation) == (0.7, 0.7, None, 1.0)
     repeated = _chosen(np.zeros(9), None, 0.4, 0.5, 1.5, 20)
     assert (repeated.value, repeated.basis, repeated.correlation) == (0.4, 'repeats', 1.5)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_noise_of_curves_that_share_no_strain_is_that_of_the_curves(muscle, seed):
+    """As of a digitised figure: no strain comes back at another pressure."""
+    rng = np.random.default_rng(seed)
+    pressure = np.repeat([100e3, 200e3, 300e3, 400e3], 30)
+    strain = np.concatenate([np.sort(rng.uniform(0.0, 0.24, 30)) for _ in range(4)])
+    force = muscle(strain, pressure) + 2.0 * rng.standard_normal(120)
+    floor = noise_floor(build('figure', strain, pressure, force),
+                        force - muscle(strain, pressure))
+    assert floor.basis == 'second differences'
+    assert floor.value == pytest.approx(2.0, rel=0.3)

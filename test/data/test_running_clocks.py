@@ -156,3 +156,12 @@ def test_of_one_clock_with_two_zeros_one_is_taken(names, muscle):
     assert "'Timestamp' (the same clock with another zero)" in taken_words(data)
     with pytest.raises(InputError, match='both may be time'):
         read_measurement({**log, 'Timestamp': 1.7e12 + 1010.0 * TIME})
+
+
+@pytest.mark.parametrize('first', [2 ** 32 - 5e3, 4.1e9])
+def test_a_counter_without_a_unit_is_not_seconds_since_1970(first, muscle):
+    """Counted in ms since the start it may pass 2^32: those were seconds of the year 2106."""
+    ticks = (np.round(1e3 * TIME) + first) % 2 ** 32
+    with pytest.raises(InputError, match=r'"time=t \[ms\]"'):
+        of_clock('t', ticks, muscle)
+    assert np.allclose(np.diff(of_clock('t [ms]', ticks, muscle).time), 0.05)

@@ -47,7 +47,8 @@ def test_runs_side_by_side_are_trials_one_below_the_other(trials, tmp_path):
 
 
 @pytest.mark.parametrize('name', ['{} bar', '{}bar', 'F at {} bar [N]', 'p = {} bar',
-                                  'Kraft bei {} bar (N)', 'Force @ {} bar', 'F_{}bar_N'])
+                                  'Kraft bei {} bar (N)', 'F at p={} bar [N]',
+                                  'Force @ {} bar', 'F_{}bar_N'])
 def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
     """The way in which data sheets and papers print isobars."""
     table = {'contraction [%]': 100 * trials[0][1],
@@ -236,3 +237,74 @@ def test_blocks_that_are_no_trials_stay_side_by_side(names, units):
     whole = {f'{name}{again}': np.arange(12.0) for again in ('', ' (2)')
              for name in ('strain', 'force')}
     assert len(unstacked(replace(given, columns=whole, units={})).rows) == 24
+
+
+SERIES = ('1 bar,,2.5 bar,,4 bar,', 'p=100 kPa,,p=250 kPa,,p=400 kPa,',
+          '"0,1 MPa";;"0,25 MPa";;"0,4 MPa";')
+
+
+@pytest.mark.parametrize('series', SERIES)
+@pytest.mark.parametrize('names', [('Contraction [%]', 'Force [N]'), ('X', 'Y')])
+def test_pairs_of_columns_have_the_pressure_above_them(trials, tmp_path, series, names):
+    """As programs that digitise figures write them: curves of different numbers of points."""
+    trials = [tuple(values[:60 - 9 * k] for values in trial) for k, trial in enumerate(trials)]
+    sign = ';' if ';' in series else ','
+    rows = [[cell for _, e, _, f in trials for cell in (
+        (f'{100 * e[k]:.5f}', f'{f[k]:.5f}') if k < len(e) else ('', ''))] for k in range(60)]
+    path = tmp_path / 'figure.csv'
+    path.write_text('\n'.join([series, sign.join(3 * names), *map(sign.join, rows)]) + '\n')
+    told = {'contraction': 'X [%]', 'force': 'Y [N]'} if names[0] == 'X' else {}
+    data = read_measurement(path, columns=told)
+    same(data, trials)
+    assert np.bincount(data.trial).tolist() == [60, 51, 42]
+    assert ('3 trials side by side: read one below the other, each at the pressure above it'
+            in data.notes)
+    one = read_measurement(path, columns={**told, 'pressure': '3 bar'})
+    assert np.unique(one.pressure).tolist() == [300e3]
+
+
+@pytest.mark.parametrize('above', ['Supply 6 bar', '1 bar,,2 bar,,300 kPa,', '1 bar,,2 bar,,,,',
+                                   '5 %,,10 %,,15 %,'])
+def test_a_line_that_has_not_one_pressure_for_each_pair_tells_none(trials, tmp_path, above):
+    """A setting, two units, a gap and strains."""
+    path = tmp_path / 'figure.csv'
+    path.write_text('\n'.join([above, ','.join(3 * ['Contraction [%],Force [N]']), *(
+        ','.join(f'{100 * e[k]:.5f},{f[k]:.5f}' for _, e, _, f in trials) for k in range(60))]))
+    with pytest.raises(InputError, match="column 'pressure' is missing"):
+        read_measurement(path)
+
+
+@pytest.mark.parametrize(('name', 'level'), [
+    ('{:g} mm', lambda e: 250 * (1 - e)), ('F at L={:g} mm [N]', lambda e: 250 * (1 - e)),
+    ('{:g} mm', lambda e: 250 * e), ('\u03b5 = {:g}', lambda e: e), ('eps = {:g}', lambda e: e)])
+def test_a_column_of_force_per_length_is_a_static_map(muscle, name, level):
+    """As lengths, as contractions from zero on, and as ratios without a unit."""
+    strains, pressure = np.array([0.0, 0.08, 0.16]), np.linspace(50e3, 400e3, 20)
+    data = read_measurement({'p [bar]': pressure / 1e5, **{
+        name.format(level(e)): muscle(e, pressure) for e in strains}}, rest_length='250 mm')
+    assert np.allclose(data.strain, np.repeat(strains, 20))
+    assert np.allclose(data.force, np.concatenate([muscle(e, pressure) for e in strains]))
+
+
+def test_a_column_beside_levels_may_be_known_by_its_unit_alone(trials):
+    """'dL / mm' beside a force at each pressure."""
+    table = {'dL / mm': 250.0 * trials[0][1],
+             **{f'F(N) at {p[0] / 1e5:g} bar': f for _, _, p, f in trials}}
+    same(read_measurement(table, rest_length='250 mm'), trials)
+
+
+@pytest.mark.parametrize('name', ['{:g} bar', 'p = {:g} bar', '{:g}bar_up'])
+def test_the_names_of_trials_may_tell_the_pressure(trials, name):
+    """A tidy table with a name for each series; what the user tells counts more."""
+    _, strain, pressure, force = (np.concatenate(parts) for parts in zip(*trials))
+    table = {'series': np.array([name.format(p / 1e5) for p in pressure], object),
+             'x': 100.0 * strain, 'y': force}
+    told = {'contraction': 'x [%]', 'force': 'y [N]'}
+    data = read_measurement(table, columns=told)
+    same(data, trials)
+    assert "pressure as the names in 'series' tell" in data.notes
+    one = read_measurement(table, columns={**told, 'pressure': '2 bar'})
+    assert np.unique(one.pressure).tolist() == [200e3]
+    table['series'] = np.where(pressure > 3e5, 'last', table['series'])
+    with pytest.raises(InputError, match="'pressure' is missing"):
+        read_measurement(table, columns=told)

@@ -228,3 +228,17 @@ def test_a_length_beyond_the_rest_length_is_read_and_the_fittings_offered(log, h
     assert any(f'--columns "{told}"' in note for note in read.notes)
     read = read_measurement(data, rest_length=0.25, columns=dict([told.split('=')]))
     assert np.allclose(read.strain, 0.3 * log[1])
+
+
+def test_a_position_of_an_unknown_name_may_count_from_anywhere(log):
+    """A marker 1.2 m above the floor is no length of a muscle of 250 mm: its zero is asked for."""
+    time, strain, pressure, force = log
+    table = {'t [s]': time, 'mark [m]': 1.2 + 0.25 * strain, 'p [bar]': pressure / 1e5,
+             'F [N]': force}
+    with pytest.raises(InputError) as caught:
+        read_measurement(table, rest_length='250 mm')
+    told = str(caught.value).partition('--columns "contraction=')[2].partition('"')[0]
+    assert told == 'mark [m] - 1200 mm'
+    read = read_measurement(table, rest_length='250 mm',
+                            columns={'contraction': told})
+    assert np.allclose(read.strain, strain)

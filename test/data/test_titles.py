@@ -143,3 +143,9 @@ def test_a_pressure_that_is_told_counts_more_than_titles(blocks, tmp_path):
     data = read_measurement(path, columns={'pressure': '250 kPa'})
     assert np.allclose(data.pressure, 250e3)
     assert not any('titles' in note for note in data.notes)
+
+
+def test_a_pressure_above_a_table_may_be_quoted_cells(blocks, tmp_path):
+    """As testing machines write settings: a name, a value and a unit, each in quotes."""
+    with pytest.raises(InputError, match='"pressure=250 kPa"'):
+        read(tmp_path, f'"Preload","5.0","N"\n"Pressure","2.5","bar"\n{HEAD}\n' + blocks[0][0])

@@ -24,7 +24,7 @@ MEANT = {
            'cmH2O*100': 'mH2O mWS'},
     'm': {'m': 'm meter metre', 'dm': 'dm', 'cm': 'cm Zentimeter',
           'mm': 'mm millimeter millimetre ミリメートル ミリ 毫米', 'um': 'um µm μm', 'nm': 'nm',
-          'inch': 'in inch inches Zoll "', 'inch/1000': 'mil', 'ft': 'ft'},
+          'inch': 'in inch inches Zoll "', 'inch/1000': 'mil mils', 'ft': 'ft'},
     's': {'s': 's sec secs second seconds sek Sekunde Sekunden 秒',
           'ms': 'ms msec millis milliseconds Millisekunden ミリ秒 毫秒',
           'us': 'us µs usec micros microseconds', 'ns': 'ns', 'min': 'min minutes Minuten',
@@ -83,3 +83,17 @@ def test_full_width_letters_digits_brackets_and_spaces_are_the_usual_ones():
     usual = ''.join(map(chr, range(0x21, 0x7f)))
     wide = ''.join(chr(ord(sign) + 0xFEE0) for sign in usual)
     assert half_width(f'{wide}\u3000') == f'{usual} '
+
+
+@pytest.mark.parametrize('word', 'data dat mat px pin pins rod ch link point Pth fft mass'.split())
+def test_words_that_pint_takes_for_a_unit_are_none(word):
+    """'pressure_data' is in no decatechnical atmospheres absolute, 'x_px' in no 1/96 inch."""
+    assert not any(unit_of(word, like) for like in ('N', 'Pa', 'm', 's', '1'))
+
+
+@pytest.mark.parametrize(('text', 'like', 'factor'), [
+    ('kilopascals', 'Pa', 1e3), ('millibars', 'Pa', 100.0), ('kgf/mm^2', 'Pa', 9.80665e6),
+    ('micron', 'm', 1e-6), ('hrs', 's', 3600.0), ('dyne', 'N', 1e-5)])
+def test_units_that_only_pint_knows_are_units(text, like, factor):
+    """Those that stand in logs: of gases, forces, lengths and times."""
+    assert unit_of(text, like).factor == pytest.approx(factor)

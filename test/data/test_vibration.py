@@ -67,6 +67,17 @@ def test_a_ripple_over_the_strain_is_no_vibration(ripple):
         0.625, rel=0.02)
 
 
+def test_a_ripple_over_the_strain_that_grows_with_the_pressure_is_no_vibration():
+    """On isobars, of which each has an amplitude; a vibration with phases of its own is found."""
+    data = log(5, 100)
+    amplitude = np.array([0.1, 0.7, 0.25, 1.0, 0.5])[data.trial] * 6.0
+    values = amplitude * np.sin(56.0 * data.strain) + 0.3 * noise(len(data))
+    assert vibration(data, values, 0.3) is None
+    in_time = amplitude * np.sin(2.0 * np.pi * data.time / 1.3 + 2.0 * data.trial ** 2)
+    assert vibration(data, in_time + 0.3 * noise(len(data)), 0.3).period == pytest.approx(
+        1.3, rel=0.05)
+
+
 def test_an_error_that_returns_with_the_pressure_is_no_vibration():
     """A held muscle that is filled and vented at one rate: loops are periodic in time too."""
     sweeps = log()

@@ -97,7 +97,7 @@ def interval_of(lines: Sequence[str]) -> float | None:
     (None, None)
     """
     told = set()
-    grid = [_cells(line) for line in lines]
+    grid = [cells_of(line) for line in lines]
     for row, below in zip(grid, [*grid[1:], []]):
         for at, cell in enumerate(row):
             key = _INTERVAL.fullmatch(cell)
@@ -125,7 +125,7 @@ def rate_in(lines: Sequence[str]) -> str:
     return next((' '.join(line.split()) for line in lines if _RATE.search(line)), '')
 
 
-def _cells(line: str) -> list[str]:
+def cells_of(line: str) -> list[str]:
     """Return the cells of a line above a table: a comma behind a colon is one of decimals."""
     separator = next((sign for sign in '\t;' if sign in line), ',')
     whole = separator == ',' and re.search(r'[:=]\s*\d+,\d', line)

@@ -16,8 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.column_names import recognise, STRAINS
-from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
+from fam_bundle_ros.data.cells import cell_text, is_text
+from fam_bundle_ros.data.column_names import dimension_of, recognise, STRAINS
+from fam_bundle_ros.data.formats.heads import cells_of
+from fam_bundle_ros.data.formats.table import is_unnamed, names_column, Table, unique
 from fam_bundle_ros.data.formats.titles import titles_of
 from fam_bundle_ros.data.missing_units import time_unit
 from fam_bundle_ros.data.unit_names import unit_of
@@ -29,6 +31,10 @@ _TRIAL = re.compile(r'(?<!\w)([^\W\d_]+)[ _]?#?\d+(?!\w)\s*:?')
 #: A reading in a name: '1.5 bar', 'F at 200 kPa [N]'.
 _LEVEL = re.compile(
     r'(?<![^\W_])(?<![.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?abs\b\.?)?|%)(?![^\W_])')
+#: A strain in a name without a unit: 'eps = 0.05'.
+_RATIO = re.compile(r'\s*(?:\u03b5|eps|epsilon|strain)\s*=\s*(\d+(?:[.,]\d+)?)\s*', re.IGNORECASE)
+#: What stands between the name of a force and a level.
+_AT = r'((^|[\s_])(at|bei|p))+$', r'((^|[\s_])(at|bei|l|x|[d\u03b4\u0394]l|contraction|length))+$'
 #: What is assumed of parts of one recording until their clocks are told.
 ONE_CLOCK = ('the times of these parts are taken as one clock; if the clocks began apart, tell '
              'the difference: for example, --columns "time=time 2 + 1.7 s" is for a second clock '
@@ -48,9 +54,14 @@ class _Level(NamedTuple):
     rest: str
 
 
-def unstacked(table: Table) -> Table:
-    """Return a table with trials that lie side by side one below the other; others as they are."""
-    return _blocks(_without_runs(table)) or _levels(table) or table
+def unstacked(table: Table, told: Mapping[str, str] | None = None) -> Table:
+    """
+    Return a table with trials that lie side by side one below the other; others as they are.
+
+    ``told`` is what the user tells of columns, by quantity.
+    """
+    return (_blocks(_without_runs(table), told or {}) or _levels(table) or _by_trials(table)
+            or table)
 
 
 def _without_runs(table: Table) -> Table:
@@ -140,8 +151,12 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
         f'{", ".join(names)}: parts of one recording', ONE_CLOCK))
 
 
-def _blocks(table: Table) -> Table | None:
-    """Return groups of the same columns side by side as trials, None for other tables."""
+def _blocks(table: Table, told: Mapping[str, str]) -> Table | None:
+    """
+    Return groups of the same columns side by side as trials, None for other tables.
+
+    Each has the pressure above it, '1 bar', '2 bar', if no column and no word of the user has it.
+    """
     headers = [header for header, cells in table.columns.items()
                if not is_unnamed(header) or _filled(cells).any()]
     width = next((at for at, header in enumerate(headers) if _AGAIN.fullmatch(header)), 0)
@@ -150,7 +165,9 @@ def _blocks(table: Table) -> Table | None:
     if len(blocks) < 2 or any(block != [f'{header} ({count})' for header in first]
                               for count, block in enumerate(blocks[1:], 2)):
         return None
-    known = {table.meaning(header).quantity for header in first}
+    known = {table.meaning(header).quantity for header in first} | {
+        key.partition('.')[0] for key, text in told.items()
+        if any(names_column(text, header) for header in first) or key.startswith('pressure')}
     if 'force' not in known or not known & set(STRAINS) or any(
             table.units.get(again, table.units.get(header)) != table.units.get(header)
             for block in blocks[1:] for header, again in zip(first, block)):
@@ -162,20 +179,41 @@ def _blocks(table: Table) -> Table | None:
     columns = {header: _joined([table.columns[block[at]][rows]
                                 for block, rows in zip(blocks, parts)])
                for at, header in enumerate(first)}
+    lengths = list(map(len, parts))
+    over = [] if 'pressure' in known else _pressures_over(table.above, len(blocks))
+    whole = replace(table, columns=columns, blanks=None, rows=table.rows[np.concatenate(parts)],
+                    units={header: table.units[header] for header in first
+                           if header in table.units},
+                    notes=(*table.notes, f'{len(blocks)} trials side by side: read one below the '
+                           'other' + ', each at the pressure above it' * bool(over)))
+    if over:
+        return _with_levels(whole, over, lengths)
     if 'trial' not in known:
-        columns['trial'] = np.repeat(np.arange(1.0, len(blocks) + 1.0), list(map(len, parts)))
-    return replace(table, columns=columns, blanks=None, rows=table.rows[np.concatenate(parts)],
-                   units={header: table.units[header] for header in first
-                          if header in table.units},
-                   notes=(*table.notes, f'{len(blocks)} trials side by side: read one below the '
-                          'other'))
+        columns['trial'] = np.repeat(np.arange(1.0, len(blocks) + 1.0), lengths)
+    return whole
+
+
+def _pressures_over(lines: Sequence[str], count: int) -> list[str]:
+    """
+    Return the cells of a line above a table that hold a pressure, if it has so many; else [].
+
+    Programs that digitise figures write the name of each series above its columns.
+    """
+    for line in reversed(lines):
+        cells = [cell for cell in cells_of(line) if cell]
+        levels = [level for cell in cells if (level := _level(cell))]
+        if len(cells) == len(levels) == count and {
+                (level.quantity, level.unit) for level in levels} == {
+                ('pressure', levels[0].unit)}:
+            return cells
+    return []
 
 
 def _levels(table: Table) -> Table | None:
     """Return force columns at levels, '1 bar', '2 bar', as a force and a level column, or None."""
     levels, forces = {}, {}
     for header in table.columns:
-        level = _level(header)
+        level = _level(header) or _strain_level(header)
         if level is None:
             continue
         force = recognise(level.rest, table.units.get(header, ''))
@@ -185,8 +223,10 @@ def _levels(table: Table) -> Table | None:
     if len(kinds) != 1 or len(levels) < 2:
         return None
     (quantity, unit), = kinds
+    if quantity == 'length' and not min(level.value for level in levels.values()):
+        quantity = 'contraction'
     rest = [header for header in table.columns if header not in levels]
-    known = {header: table.meaning(header).quantity for header in rest}
+    known = {header: _meant(table, header) for header in rest}
     beside = set(STRAINS) if quantity == 'pressure' else {'pressure'}
     if 'force' in known.values() or not beside & set(known.values()):
         return None
@@ -197,7 +237,7 @@ def _levels(table: Table) -> Table | None:
     if 'trial' not in known.values():
         columns['trial'] = np.repeat(np.array(list(levels), object), count)
     units = {header: table.units[header] for header in rest if header in table.units}
-    units[quantity] = unit
+    units |= {quantity: unit} if unit else {}
     force_unit = next((force.unit.text for force in forces.values() if force.unit), '')
     if force_unit:
         units['force'] = force_unit
@@ -207,6 +247,30 @@ def _levels(table: Table) -> Table | None:
                    units=units, blanks=None, rows=np.tile(table.rows, len(levels))[kept],
                    notes=(*table.notes, f'{len(levels)} columns are the force at a {quantity} '
                           'each: read one below the other'))
+
+
+def _by_trials(table: Table) -> Table | None:
+    """Return a table with the pressure that only the names of its trials tell; None for others."""
+    known = table.quantities
+    trials = [header for header, quantity in known.items()
+              if quantity == 'trial' and is_text(table.columns[header])]
+    if 'pressure' in known.values() or len(trials) != 1:
+        return None
+    names = [cell_text(cell) for cell in table.columns[trials[0]]]
+    levels = {name: _level(name) for name in set(names)}
+    found = {name: level for name, level in levels.items() if level and (
+        level.quantity == 'pressure')}
+    if len(found) < len(levels) or len({level.unit for level in found.values()}) != 1:
+        return None
+    whole = _with_pressure(table, np.array([found[name].value for name in names]),
+                           found[names[0]].unit)
+    return replace(whole, notes=(*table.notes, f"pressure as the names in '{trials[0]}' tell"))
+
+
+def _meant(table: Table, header: str) -> str:
+    """Return the quantity of a column by its name, else by a unit of length ('dL / mm')."""
+    unit = dimension_of(header, table.units.get(header, ''))
+    return table.meaning(header).quantity or ('shift' if unit and unit.like == 'm' else '')
 
 
 def _with_levels(table: Table, names: Sequence[str], lengths: Sequence[int]) -> Table:
@@ -233,12 +297,27 @@ def _level(name: str) -> _Level | None:
     for match in _LEVEL.finditer(name):
         quantity = 'pressure' if unit_of(match[2], 'Pa') else 'strain' if match[2] == '%' else ''
         if quantity:
-            before = re.sub(r'(^|[\s_])(at|bei|p)$', '', name[:match.start()].strip(' @=,:_'))
-            rest = before + ' ' + name[match.end():]
-            named = re.sub(r'[\[(<][^\])>]*[\])>]', '', rest).strip()
-            return _Level(quantity, float(match[1].replace(',', '.')), match[2],
-                          rest.strip() if named else f'force {rest.strip()}'.strip())
+            return _of_match(quantity, match)
     return None
+
+
+def _strain_level(name: str) -> _Level | None:
+    """Return the length or the ratio that stands in the name of a column, None for none."""
+    ratio = _RATIO.fullmatch(name)
+    if ratio:
+        return _Level('strain', float(ratio[1].replace(',', '.')), '', 'force')
+    found = (match for match in _LEVEL.finditer(name) if unit_of(match[2], 'm'))
+    return next((_of_match('length', match) for match in found), None)
+
+
+def _of_match(quantity: str, match: re.Match[str]) -> _Level:
+    """Return the level that was found in a name, without the words that lead to it."""
+    name, at = match.string, _AT[quantity == 'length']
+    before = re.sub(at, '', name[:match.start()].strip(' @=,:_'), flags=re.IGNORECASE)
+    rest = before + ' ' + name[match.end():]
+    named = re.sub(r'[\[(<][^\])>]*[\])>]', '', rest).strip()
+    return _Level(quantity, float(match[1].replace(',', '.')), match[2],
+                  rest.strip() if named else f'force {rest.strip()}'.strip())
 
 
 def _filled(cells: np.ndarray) -> np.ndarray:

@@ -142,6 +142,18 @@ def without_count(header: str) -> str:
     return re.sub(r' \(\d+\)$', '', header)
 
 
+def names_column(text: str, header: str) -> bool:
+    """
+    Return whether what a user tells names a column.
+
+    Examples
+    --------
+    >>> [names_column(text, 'X') for text in ('X [%]', '-X * 2 mm', 'X2 [%]')]
+    [True, True, False]
+    """
+    return re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) is not None
+
+
 def plain_columns(frame: Any) -> dict[str, np.ndarray]:
     """Return a pandas frame's columns as floats, datetimes or text (objects), by header."""
     columns = {}

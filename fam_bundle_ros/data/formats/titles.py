@@ -96,7 +96,8 @@ def title_of_name(name: str) -> Title | None:
 
 def _title(row: int, line: str, sure: bool = True) -> Title | None:
     """Return a line with one pressure; None for others, such as that of a supply."""
-    text = ' '.join(re.split(r'[;\s]+|(?<=\D),(?=\S)|,(?=[^\s\d])', line)).strip('#*-=%!/<>;,"\' ')
+    text = ' '.join(re.split(r'[;\s]+|(?<=\D),(?=\S)|,(?=[^\s\d])',
+                             line.replace('"', ''))).strip('#*-=%!/<>;,"\' ')
     found: list[tuple[re.Match[str], Unit]] = [
         (match, unit) for match in _NUMBER.finditer(text) if (unit := unit_of(match[2], 'Pa'))]
     if len(found) != 1 or len(text) > 200:
