@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fam_bundle_ros.control.valve_learning import CONDUCTANCE_DOUBT
+from fam_bundle_ros.control.valve_learning import CONDUCTANCE_DOUBT, dead_band_doubt
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, POLYTROPIC, RT, ValveFlow
 
@@ -184,3 +184,23 @@ def apart_words(conductances: Sequence[float], names: Sequence[str]) -> str:
     return (f'conductances are {told} m^3/(s Pa); expected equal valves, within '
             f'{100.0 * CONDUCTANCE_DOUBT:.0f} % of their mean. A load that moves while a unit '
             'fills falsifies its fit: hold it, or check valves and tubes')
+
+
+def bands_apart_words(dead_bands: Sequence[float], names: Sequence[str]) -> str:
+    """
+    Return that dead bands differ by more than a controller tolerates, else an empty string.
+
+    Parameters
+    ----------
+    dead_bands : sequence (n,)
+    names : sequence of str
+        Motor units, in the same order.
+    """
+    values = np.asarray(dead_bands, float)
+    middle = float(values.mean())
+    most = dead_band_doubt(middle)
+    if np.all(np.abs(values - middle) <= most):
+        return ''
+    told = ', '.join(f'{name} {value:.3f}' for name, value in zip(names, values))
+    return (f'dead bands are {told}; expected equal valves, within {most:.3f} of their mean of '
+            f'{middle:.3f}, which all loops are given')

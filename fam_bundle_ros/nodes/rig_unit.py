@@ -223,7 +223,8 @@ class UnitProbe:
                              f'{self._supply / 1e3:.0f} kPa')
             return full
         near = min(_FACTORS, key=lambda factor: abs(np.log(abs(ratio) / factor)))
-        guess = f': as if it were {_FACTORS[near]}' if abs(ratio / near - 1.0) < _SCALE else ''
+        guess = (f': as if it were {_FACTORS[near]}' if abs(ratio / near - 1.0) < _SCALE else
+                 ': a wrong scale, or a large leak' if ratio < 1.0 else '')
         self._result.say(False, f'{name} scale', f'shows {full / 1e3:.3g} kPa at a supply of '
                          f'{self._supply / 1e3:.0f} kPa{guess}')
         self._answers_silence(unit)
@@ -262,10 +263,12 @@ class UnitProbe:
         self._tell(unit, 0.0)
         self._session.wait(_REST)
         start, full = len(channel.rows), channel.level(5)
-        self._session.wait(_HOLD)
+        # By the channel's own stamps: where readings drop out, a moment with noise is no leak.
+        self._session.wait(5.0 * _HOLD, lambda: np.ptp(channel.since(start)[[0, -1], 1]) >= _HOLD
+                           if len(channel.rows) > start else False)
         before, full = full, channel.level(5)
         hold = channel.since(start)
-        loss = max(1.0 - full / before, 0.0) / max(hold[-1, 1] - hold[0, 1], 1e-3)
+        loss = max(1.0 - full / before, 0.0) / max(hold[-1, 1] - hold[0, 1], _HOLD)
         self.loss[unit] = loss
         self._result.say(loss < _LEAK, f'{name} tightness', f'loses {loss:.0%} of its pressure in '
                          'a second while its valve is shut' + (

@@ -5,7 +5,12 @@
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control.rig_fit import apart_words, fit_valve, split_volume
+from fam_bundle_ros.control.rig_fit import (
+    apart_words,
+    bands_apart_words,
+    fit_valve,
+    split_volume,
+)
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import pressure_rate, valve_flow, valve_opening, ValveFlow
 
@@ -74,3 +79,11 @@ def test_valves_that_differ_by_more_than_a_controller_tolerates_are_told():
     told = apart_words([3.94e-9, 1.26e-9], ['mu1', 'mu2'])
     assert 'mu1 3.94e-09, mu2 1.26e-09' in told
     assert 'within 30 %' in told
+
+
+def test_dead_bands_that_differ_by_more_than_a_controller_tolerates_are_told():
+    """A mean of 0.17 is wrong for both."""
+    assert bands_apart_words([0.04, 0.07, 0.05], ['mu1', 'mu2', 'mu3']) == ''
+    told = bands_apart_words([0.3, 0.045], ['mu1', 'mu2'])
+    assert 'mu1 0.300, mu2 0.045' in told
+    assert 'within 0.106 of their mean of 0.172' in told
