@@ -52,9 +52,10 @@ def fit_valve(time: ArrayLike, pressure: ArrayLike, command: ArrayLike, volume: 
     """
     Fit the valve of one motor unit by least squares.
 
-    For a given dead time and dead band, the integral of dp/dt = n R T m/V (`pressure_rate` without
-    motion, ISO 6358 for m) at the measured pressures is linear in the conductance. Dead time and
-    dead band are searched for on a grid that is refined around the best point.
+    For a given dead time and dead band, the integral of dp/dt = n (R T m - p dV/dt)/V
+    (`pressure_rate`, ISO 6358 for m) at the measured pressures and volumes is linear in the
+    conductance. Dead time and dead band are searched for on a grid that is refined around the best
+    point.
 
     Parameters
     ----------
@@ -81,7 +82,10 @@ def fit_valve(time: ArrayLike, pressure: ArrayLike, command: ArrayLike, volume: 
     flow_in, flow_out = (np.array([mass_flow(1.0, critical_ratio, *ends) for ends in pairs])
                          for pairs in ([(supply + ambient, x + ambient) for x in p],
                                        [(x + ambient, ambient) for x in p]))
-    record = _Record(t, p, u, POLYTROPIC * RT * flow_in / v, POLYTROPIC * RT * flow_out / v,
+    # Without the fall of the pressure that is due to a growing volume.
+    swept = np.diff(v) * (p[1:] + p[:-1] + 2.0 * ambient) / (v[1:] + v[:-1])
+    driven = p + POLYTROPIC * np.concatenate([[0.0], np.cumsum(swept)])
+    record = _Record(t, driven, u, POLYTROPIC * RT * flow_in / v, POLYTROPIC * RT * flow_out / v,
                      [0, *blocks, len(t)])
     delays, bands = _DELAYS, _BANDS
     best = (np.inf, 0.0, 0.0, 0.0)

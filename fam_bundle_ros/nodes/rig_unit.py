@@ -152,9 +152,8 @@ class UnitProbe:
         self._tell(unit, -1.0)
         if not self._session.wait(_EMPTY, lambda: channel.level(3) < self.rise(channel)):
             self._hand.vent(f'{name} does not empty')
-        volume = self.gas(unit) + self._tube
         fit = fit_valve(pulses[:, 1], pulses[:, 2] - channel.zero, pulses[:, 3],
-                        volume, full, blocks=blocks)
+                        self._volumes(unit, pulses[:, 1]), full, blocks=blocks)
         ok = fit.misfit < _MISFIT * self._supply + 3.0 * channel.noise
         self._result.say(ok, f'{name} valve', f'conductance {fit.conductance:.3g} m^3/(s Pa), '
                          f'dead band {fit.dead_band:.3f}, acts {1e3 * fit.delay:.1f} ms after the '
@@ -167,6 +166,13 @@ class UnitProbe:
         strain = self._hand.strain
         shown = float(strain.rows[-1][2]) if strain.rows else 0.0
         return float(self._bundle.gas_volume(shown if np.isfinite(shown) else 0.0)[unit])
+
+    def _volumes(self, unit: int, times: np.ndarray) -> np.ndarray:
+        """Return the unit's volume (m^3) at stamps (s), by the strain that was measured then."""
+        rows = self._hand.strain.since(0)
+        rows = rows[np.isfinite(rows[:, 2])]
+        strain = np.interp(times, rows[:, 1], rows[:, 2]) if len(rows) else np.zeros(len(times))
+        return np.asarray(self._bundle.gas_volume(strain)[:, unit] + self._tube)
 
     def _first_air(self, unit: int) -> float | None:
         """Increase the command until a pressure rises; return it, None if none rises."""

@@ -390,6 +390,14 @@ def test_check_rig_notes_a_strain_below_zero():
     assert (finding.verdict, 'only if the bundle is stretched' in finding.detail) == ('note', True)
 
 
+@pytest.mark.parametrize(('rate', 'verdict'), [(49.97, 'ok'), (45.0, 'FAIL')])
+def test_check_rig_takes_fifty_readings_a_second_as_they_are_counted(rate, verdict):
+    """A timer of 20 ms is late rather than early."""
+    rows = [(k / rate, int(1e9 * k / rate) + 10**9, 1e-3, 50.0 + k % 3) for k in range(100)]
+    found = {each.what: each for each in _judge_channel('force', rows, None, 2.0, False)}
+    assert found['force rate'].verdict == verdict, found['force rate'].detail
+
+
 @pytest.mark.parametrize('gap', [0.0, 0.2])
 def test_check_rig_notes_readings_that_drop_out(gap):
     """At such a rate on average, but lost for the controllers now and then."""
