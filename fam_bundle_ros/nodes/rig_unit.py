@@ -14,6 +14,7 @@ import numpy as np
 
 from fam_bundle_ros.control.plausibility import GENTLE
 from fam_bundle_ros.control.rig_fit import fit_valve, ValveFit
+from fam_bundle_ros.control.safety import WatchConfig
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes.rig_check import Finding
 from fam_bundle_ros.nodes.rig_hand import Channel, Session
@@ -269,16 +270,20 @@ class UnitProbe:
         self._tell(unit, 0.0)
         self._session.wait(_REST)
         start, full = len(channel.rows), channel.level(5)
-        # By the channel's own stamps: where readings drop out, a moment with noise is no leak.
-        self._session.wait(5.0 * _HOLD, lambda: np.ptp(channel.since(start)[[0, -1], 1]) >= _HOLD
-                           if len(channel.rows) > start else False)
+        self._session.wait(_HOLD)
         before, full = full, channel.level(5)
-        hold = channel.since(start)
-        loss = max(1.0 - full / before, 0.0) / max(hold[-1, 1] - hold[0, 1], _HOLD)
-        self.loss[unit] = loss
-        self._result.say(loss < _LEAK, f'{name} tightness', f'loses {loss:.0%} of its pressure in '
-                         'a second while its valve is shut' + (
-                             '' if loss < _LEAK else f'; expected less than {_LEAK:.0%}'))
+        times = channel.since(start - 1)[:, 1]
+        span = float(times[-1] - times[0])
+        gap = max(float(np.max(np.diff(times), initial=0.0)), _HOLD - span)
+        if gap > WatchConfig.timeout:
+            self.loss[unit] = np.inf
+            self._result.say(False, f'{name} tightness', f'not known: no reading for {gap:.2f} s, '
+                             'which the driver takes as no command, and exhausts')
+        else:
+            loss = self.loss[unit] = max(1.0 - full / before, 0.0) / span
+            self._result.say(loss < _LEAK, f'{name} tightness', f'loses {loss:.0%} of its '
+                             'pressure in a second while its valve is shut' + (
+                                 '' if loss < _LEAK else f'; expected less than {_LEAK:.0%}'))
         self._tell(unit, None)
         fell, took = self._falls(channel, full, _MUTE)
         ok = fell and took < _MUTE_MOST
