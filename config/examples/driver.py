@@ -10,7 +10,7 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
@@ -46,10 +46,12 @@ class Driver(Node):
                          for unit in units]
         self.e_stop = self.create_publisher(
             Bool, 'e_stop', QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        # Both are repeated: behind a lost one a reliable subscription would keep all others back.
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         for i, unit in enumerate(units):
             self.create_subscription(JointState, f'{unit}/valve_command',
-                                     lambda message, i=i: self.on_valve(i, message), 1)
-        self.create_subscription(Bool, 'supply_enable', self.on_enable, 1)
+                                     lambda message, i=i: self.on_valve(i, message), newest)
+        self.create_subscription(Bool, 'supply_enable', self.on_enable, newest)
         # Ages and timer by the steady clock: ROS time may be set back, or stand still.
         self.create_timer(1.0 / RATE, self.tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

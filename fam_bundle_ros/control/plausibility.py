@@ -255,7 +255,7 @@ class InflowWatch:
         if self._below >= _CONFIRM:
             return NO_RESPONSE, (
                 f'{self.name} shows {kilopascals(pressure)}; supply, valve commands and volume '
-                f'give {kilopascals(min(self._bottom))} or more')
+                f'(by the strain) give {kilopascals(min(self._bottom))} or more')
         trip = self.config.max_pressure + self.config.margin
         if heading > trip:
             return UNEXPLAINED_PRESSURE, (
@@ -266,7 +266,7 @@ class InflowWatch:
         if self._above >= (1 if pressure > self.config.max_pressure else _CONFIRM):
             return UNEXPLAINED_PRESSURE, (
                 f'{self.name} shows {kilopascals(pressure)}; supply, valve commands and volume '
-                f'give {kilopascals(max(self._top))} at most')
+                f'(by the strain) give {kilopascals(max(self._top))} at most')
         return '', ''
 
     def _range_of_commands(self, surely: float, delay: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fam_bundle_ros.control.valve_learning import CONDUCTANCE_DOUBT
+from fam_bundle_ros.control.valve_learning import CONDUCTANCE_DOUBT, dead_band_doubt
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE, mass_flow, POLYTROPIC, RT, ValveFlow
 
@@ -52,9 +52,10 @@ def fit_valve(time: ArrayLike, pressure: ArrayLike, command: ArrayLike, volume: 
     """
     Fit the valve of one motor unit by least squares.
 
-    For a given dead time and dead band, the integral of dp/dt = n R T m/V (`pressure_rate` without
-    motion, ISO 6358 for m) at the measured pressures is linear in the conductance. Dead time and
-    dead band are searched for on a grid that is refined around the best point.
+    For a given dead time and dead band, the integral of dp/dt = n (R T m - p dV/dt)/V
+    (`pressure_rate`, ISO 6358 for m) at the measured pressures and volumes is linear in the
+    conductance. Dead time and dead band are searched for on a grid that is refined around the best
+    point.
 
     Parameters
     ----------
@@ -81,7 +82,10 @@ def fit_valve(time: ArrayLike, pressure: ArrayLike, command: ArrayLike, volume: 
     flow_in, flow_out = (np.array([mass_flow(1.0, critical_ratio, *ends) for ends in pairs])
                          for pairs in ([(supply + ambient, x + ambient) for x in p],
                                        [(x + ambient, ambient) for x in p]))
-    record = _Record(t, p, u, POLYTROPIC * RT * flow_in / v, POLYTROPIC * RT * flow_out / v,
+    # Without the fall of the pressure that is due to a growing volume.
+    swept = np.diff(v) * (p[1:] + p[:-1] + 2.0 * ambient) / (v[1:] + v[:-1])
+    driven = p + POLYTROPIC * np.concatenate([[0.0], np.cumsum(swept)])
+    record = _Record(t, driven, u, POLYTROPIC * RT * flow_in / v, POLYTROPIC * RT * flow_out / v,
                      [0, *blocks, len(t)])
     delays, bands = _DELAYS, _BANDS
     best = (np.inf, 0.0, 0.0, 0.0)
@@ -184,3 +188,23 @@ def apart_words(conductances: Sequence[float], names: Sequence[str]) -> str:
     return (f'conductances are {told} m^3/(s Pa); expected equal valves, within '
             f'{100.0 * CONDUCTANCE_DOUBT:.0f} % of their mean. A load that moves while a unit '
             'fills falsifies its fit: hold it, or check valves and tubes')
+
+
+def bands_apart_words(dead_bands: Sequence[float], names: Sequence[str]) -> str:
+    """
+    Return that dead bands differ by more than a controller tolerates, else an empty string.
+
+    Parameters
+    ----------
+    dead_bands : sequence (n,)
+    names : sequence of str
+        Motor units, in the same order.
+    """
+    values = np.asarray(dead_bands, float)
+    middle = float(values.mean())
+    most = dead_band_doubt(middle)
+    if np.all(np.abs(values - middle) <= most):
+        return ''
+    told = ', '.join(f'{name} {value:.3f}' for name, value in zip(names, values))
+    return (f'dead bands are {told}; expected equal valves, within {most:.3f} of their mean of '
+            f'{middle:.3f}, which all loops are given')

@@ -79,22 +79,23 @@ class Meter:
         """
         Add rate (Hz), age and longest gap (s) to a report and reset the counters.
 
-        Messages that come at less than half of ``rate`` (Hz; 0 for any) are a warning: every
-        second sample is missing. Return that as text, empty for none.
+        Messages that come at less than half of ``rate`` (Hz; 0 for any) are a warning, as every
+        second sample is missing; so are those at more than twice of it, which the computer may
+        not keep up with. Return that as text, empty for none.
         """
         now = time.monotonic()
-        slow = ''
+        other = ''
         if self._first is not None and self.last is not None and self.last > self._first:
             seen = self._intervals / (self.last - self._first)
-            if seen < 0.5 * rate:
-                slow = f'{name} comes at {seen:.0f} Hz, the parameter rate says {rate:g}'
-                report.add(WARN, slow)
+            if rate > 0.0 and not 0.5 * rate <= seen <= 2.0 * rate:
+                other = f'{name} comes at {seen:.0f} Hz, the parameter rate says {rate:g}'
+                report.add(WARN, other)
         self._first, self._intervals = self.last, 0
         report.value(f'{name} rate', self._count / max(now - self._since, 1e-6))
         report.value(f'{name} age', 'never' if self.last is None else now - self.last)
         report.value(f'{name} longest gap', self._longest)
         self._count, self._longest, self._since = 0, 0.0, now
-        return slow
+        return other
 
 
 class Diagnostics:

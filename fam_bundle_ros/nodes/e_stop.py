@@ -57,8 +57,9 @@ class EmergencyStop:
                 self.on = True
                 self._on_stop()
         elif self.on and publishers > 1:
-            self.doubt = (f'{publishers} publishers on e_stop: a stop is taken back only while '
-                          'there is one; end the others and reset again')
+            self.doubt = (f'it was reset while e_stop had {publishers} publishers, and is taken '
+                          'back only from one; when the others have ended (a killed one after '
+                          '20 s), stop and reset once more')
             node.get_logger().error(self.doubt)
         else:
             self.on, self.doubt = False, ''

@@ -90,7 +90,7 @@ class _Witness(BundleNode):
         self._commands = [(-math.inf, -1.0)] * UNITS
         self._supply = (-math.inf, True)
         self.subscribe(interface.FORCE, WrenchStamped, self._on_force)
-        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_supply, interface.RELIABLE)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_supply, interface.REPEATED)
         for i in range(UNITS):
             self.subscribe(interface.pressure_topic(i + 1), FluidPressure,
                            partial(self._on_pressure, i))

@@ -148,12 +148,20 @@ RELIABLE = QoSProfile(depth=10)
 LOCK_STEP = QoSProfile(depth=200)
 #: Matches every driver, and never queues old readings.
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: For what is said again and again: behind a lost message a reliable subscription keeps all later
+#: ones back, until the publisher's history has passed.
+REPEATED = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def stream_qos(lock_step: bool) -> QoSProfile:
     """Return the QoS with which samples and commands are subscribed to."""
     return LOCK_STEP if lock_step else NEWEST
+
+
+def repeated_qos(lock_step: bool) -> QoSProfile:
+    """Return the QoS with which states that are repeated in wall time are subscribed to."""
+    return LOCK_STEP if lock_step else REPEATED
 
 
 # --- time -------------------------------------------------------------------------------------

@@ -92,7 +92,7 @@ class LiveFeed(BundleNode):
         self.subscribe(interface.RECRUITMENT_STATE, UInt8, lambda message: self._newest.update(
             recruitment=message.data), interface.LATCHED)
         self.subscribe(interface.SUPPLY_ENABLE, Bool, lambda message: self._newest.update(
-            supply=message.data), interface.RELIABLE)
+            supply=message.data), interface.REPEATED)
         for topic, kind in ((interface.MODEL_STATE, 'state'),
                             (interface.MODEL_DIAGNOSIS, 'diagnosis')):
             self.subscribe(topic, String, self._pass_on(kind), interface.LATCHED)

@@ -82,7 +82,7 @@ class PressureLoops:
         self.trouble = [LostTime() for _ in range(units)]
         for unit in range(units):
             node.subscribe(interface.pid_state_topic(unit + 1), String, partial(self._take, unit),
-                           interface.LATCHED)
+                           interface.LATCHED if node.lock_step else interface.REPEATED)
 
     def _take(self, unit: int, message: String) -> None:
         now = time.monotonic()

@@ -101,7 +101,8 @@ class Measuring(BundleNode):
             def setpoint(message: FluidPressure, k: int = k) -> None:
                 self._setpoint[k] = interface.read_pressure(message, self.ambient)
             self.subscribe(interface.setpoint_topic(k + 1), FluidPressure, setpoint)
-        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_supply, interface.RELIABLE)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_supply,
+                       interface.repeated_qos(self.lock_step))
         self.subscribe(interface.DIAGNOSTICS, DiagnosticArray, self._on_diagnostics,
                        interface.RELIABLE)
         for topic, kind in ((interface.REFERENCE_FORCE, WrenchStamped),

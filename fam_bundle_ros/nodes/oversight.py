@@ -210,7 +210,8 @@ class Oversight:
             return
         self._look_for_loss()
         if self._second_rig:
-            self.latch(OTHER, f'{self._second_rig}: a second rig or a simulation?')
+            self.latch(OTHER, f'{self._second_rig}: a second rig, a simulation, or '
+                       'a driver that was killed less than 20 s ago?')
         for watch in self.watches:
             if watch.cause:
                 self.latch(watch.cause, watch.reason)
@@ -220,7 +221,7 @@ class Oversight:
             self._force_watch.begin()
         elif self.readable and (wrong := self._force_watch.see(
                 self._clock(), sample.force, sample.strain, sample.pressure, off_target)):
-            self.latch(FORCE, f'{wrong}: pressure sensor, load cell, or a wrong model?')
+            self.latch(FORCE, f'{wrong}: pressure, force or strain sensor, or a wrong model?')
         if self._clock() - self._enabled_at > _HEAR:
             for unit in range(self._n):
                 if latched := self.loops.latched(unit):

@@ -173,7 +173,7 @@ class PlantSimulator(BundleNode):
                            partial(self._take_command, i))
         if self.p['obey_supply_enable']:
             self.subscribe(interface.SUPPLY_ENABLE, Bool, lambda message: self._permission.take(
-                message.data), interface.RELIABLE)
+                message.data), interface.repeated_qos(self.lock_step))
         for name, answer in ((interface.E_STOP_TRIGGER, self._on_e_stop),
                              (interface.E_STOP_RESET, self._on_e_stop_reset),
                              (interface.RESET, self._on_reset), (interface.TARE, self._on_tare)):

@@ -117,7 +117,8 @@ class PressurePidNode(BundleNode):
         self.subscribe(interface.setpoint_topic(self.unit), FluidPressure, self._on_setpoint)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
         self.subscribe(interface.SUPPLY, FluidPressure, self._on_supply)
-        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_leave, interface.RELIABLE)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._on_leave,
+                       interface.repeated_qos(self.lock_step))
         self._e_stop = EmergencyStop(self, self._on_e_stop)
         p.on_change(self, settings, self._change,
                     lambda: self._guard.now.state in (State.ACTIVE, State.HOLD))

@@ -13,7 +13,12 @@ from contextlib import closing
 
 import numpy as np
 
-from fam_bundle_ros.control.rig_fit import apart_words, split_volume, ValveFit
+from fam_bundle_ros.control.rig_fit import (
+    apart_words,
+    bands_apart_words,
+    split_volume,
+    ValveFit,
+)
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.pneumatics import ATMOSPHERE
@@ -180,12 +185,14 @@ class _Work:
         hand, fits = self._hand, list(self._fits.values())
         tube, gas = self._tube, [self._unit.gas(i) for i in self._units]
         conductance = float(np.mean([fit.conductance for fit in fits]))
-        how = 'as given; only its ratio to the conductance matters'
+        how, names = ('as given; only its ratio to the conductance matters',
+                      [f'mu{i + 1}' for i in self._units])
         if found := split_volume([fit.conductance for fit in fits], gas, tube):
             conductance, tube = found
             how = 'by motor units of different size'
-        elif apart := apart_words([fit.conductance for fit in fits],
-                                  [f'mu{i + 1}' for i in self._units]):
+        elif apart := apart_words([fit.conductance for fit in fits], names):
+            self._result.say(False, 'valves', apart)
+        if apart := bands_apart_words([fit.dead_band for fit in fits], names):
             self._result.say(False, 'valves', apart)
         self._result.say(True, 'tube volume', f'{1e6 * tube:.1f} ml, {how}', note=not found)
         stamps = hand.pressure[0].since(0)[:, 1]

@@ -14,6 +14,7 @@ import numpy as np
 
 from fam_bundle_ros.control.plausibility import GENTLE
 from fam_bundle_ros.control.rig_fit import fit_valve, ValveFit
+from fam_bundle_ros.control.safety import WatchConfig
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes.rig_check import Finding
 from fam_bundle_ros.nodes.rig_hand import Channel, Session
@@ -152,9 +153,8 @@ class UnitProbe:
         self._tell(unit, -1.0)
         if not self._session.wait(_EMPTY, lambda: channel.level(3) < self.rise(channel)):
             self._hand.vent(f'{name} does not empty')
-        volume = self.gas(unit) + self._tube
         fit = fit_valve(pulses[:, 1], pulses[:, 2] - channel.zero, pulses[:, 3],
-                        volume, full, blocks=blocks)
+                        self._volumes(unit, pulses[:, 1]), full, blocks=blocks)
         ok = fit.misfit < _MISFIT * self._supply + 3.0 * channel.noise
         self._result.say(ok, f'{name} valve', f'conductance {fit.conductance:.3g} m^3/(s Pa), '
                          f'dead band {fit.dead_band:.3f}, acts {1e3 * fit.delay:.1f} ms after the '
@@ -167,6 +167,13 @@ class UnitProbe:
         strain = self._hand.strain
         shown = float(strain.rows[-1][2]) if strain.rows else 0.0
         return float(self._bundle.gas_volume(shown if np.isfinite(shown) else 0.0)[unit])
+
+    def _volumes(self, unit: int, times: np.ndarray) -> np.ndarray:
+        """Return the unit's volume (m^3) at stamps (s), by the strain that was measured then."""
+        rows = self._hand.strain.since(0)
+        rows = rows[np.isfinite(rows[:, 2])]
+        strain = np.interp(times, rows[:, 1], rows[:, 2]) if len(rows) else np.zeros(len(times))
+        return np.asarray(self._bundle.gas_volume(strain)[:, unit] + self._tube)
 
     def _first_air(self, unit: int) -> float | None:
         """Increase the command until a pressure rises; return it, None if none rises."""
@@ -223,7 +230,8 @@ class UnitProbe:
                              f'{self._supply / 1e3:.0f} kPa')
             return full
         near = min(_FACTORS, key=lambda factor: abs(np.log(abs(ratio) / factor)))
-        guess = f': as if it were {_FACTORS[near]}' if abs(ratio / near - 1.0) < _SCALE else ''
+        guess = (f': as if it were {_FACTORS[near]}' if abs(ratio / near - 1.0) < _SCALE else
+                 ': a wrong scale, or a large leak' if ratio < 1.0 else '')
         self._result.say(False, f'{name} scale', f'shows {full / 1e3:.3g} kPa at a supply of '
                          f'{self._supply / 1e3:.0f} kPa{guess}')
         self._answers_silence(unit)
@@ -264,12 +272,18 @@ class UnitProbe:
         start, full = len(channel.rows), channel.level(5)
         self._session.wait(_HOLD)
         before, full = full, channel.level(5)
-        hold = channel.since(start)
-        loss = max(1.0 - full / before, 0.0) / max(hold[-1, 1] - hold[0, 1], 1e-3)
-        self.loss[unit] = loss
-        self._result.say(loss < _LEAK, f'{name} tightness', f'loses {loss:.0%} of its pressure in '
-                         'a second while its valve is shut' + (
-                             '' if loss < _LEAK else f'; expected less than {_LEAK:.0%}'))
+        times = channel.since(start - 1)[:, 1]
+        span = float(times[-1] - times[0])
+        gap = max(float(np.max(np.diff(times), initial=0.0)), _HOLD - span)
+        if gap > WatchConfig.timeout:
+            self.loss[unit] = np.inf
+            self._result.say(False, f'{name} tightness', f'not known: no reading for {gap:.2f} s, '
+                             'which the driver takes as no command, and exhausts')
+        else:
+            loss = self.loss[unit] = max(1.0 - full / before, 0.0) / span
+            self._result.say(loss < _LEAK, f'{name} tightness', f'loses {loss:.0%} of its '
+                             'pressure in a second while its valve is shut' + (
+                                 '' if loss < _LEAK else f'; expected less than {_LEAK:.0%}'))
         self._tell(unit, None)
         fell, took = self._falls(channel, full, _MUTE)
         ok = fell and took < _MUTE_MOST

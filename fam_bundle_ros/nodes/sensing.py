@@ -145,11 +145,11 @@ class Sensing:
             self._complete()
 
     def report(self, report: Report) -> None:
-        """Add rate and age of every channel; warn of one that is too slow."""
+        """Add rate and age of every channel; warn of one that is far off its rate."""
         rate = 0.0 if self._node.lock_step else self._node.p['rate']
         for name, meter in self.meters.items():
-            if slow := meter.report(report, name, rate):
-                self._node.say(f'{name} rate', slow, REMIND)
+            if other := meter.report(report, name, rate):
+                self._node.say(f'{name} rate', other, REMIND)
 
     # --- messages ------------------------------------------------------------------------------
 

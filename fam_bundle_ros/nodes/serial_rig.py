@@ -95,7 +95,7 @@ class SerialRig(BundleNode):
         self._announce_stop = self.announcer(interface.E_STOP, Bool, interface.bool_message)
         for i in range(self.units):
             self.subscribe(interface.valve_topic(i + 1), JointState, partial(self._take_valve, i))
-        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.RELIABLE)
+        self.subscribe(interface.SUPPLY_ENABLE, Bool, self._take_enable, interface.REPEATED)
         self.trigger(interface.E_STOP_TRIGGER, self._on_e_stop)
         self.trigger(interface.E_STOP_RESET, self._on_e_stop_reset)
         self._diagnostics = Diagnostics(self, self._report, 'rig')

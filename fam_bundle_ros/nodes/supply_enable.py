@@ -50,7 +50,7 @@ class SupplyEnable:
         self._say(False)
         if not node.lock_step:
             node.every(PERIOD, self.repeat)
-            node.subscribe(interface.SUPPLY_ENABLE, Bool, self._hear, interface.RELIABLE)
+            node.subscribe(interface.SUPPLY_ENABLE, Bool, self._hear, interface.REPEATED)
 
     def _hear(self, message: Bool) -> None:
         # This node's own messages arrive too, in order: its last false before its next true.

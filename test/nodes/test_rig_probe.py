@@ -18,6 +18,7 @@ from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.rig_hand import Hand, Session
 from fam_bundle_ros.nodes.rig_probe import probe_rig
+from fam_bundle_ros.nodes.rig_unit import Probe, UnitProbe
 
 SUPPLY = 120e3
 
@@ -110,3 +111,24 @@ def test_a_rig_that_is_slower_than_the_clock_gets_its_own_time(graph):
     first = hand.pressure[0].rows[-1][1]
     assert not Session(hand, graph.spinner, lambda: False).wait(0.2)
     assert hand.pressure[0].rows[-1][1] - first == pytest.approx(0.2, abs=0.011)
+
+
+def test_readings_that_drop_out_are_no_leak(graph, paper_bundle):
+    """Each reading is answered by a command; without any the driver exhausts, as it must."""
+    hand = graph.add(Hand(graph.context, interface.NAMESPACE, 2, 0.127))
+    publishers = [graph.probe.create_publisher(FluidPressure, interface.pressure_topic(unit),
+                                               interface.PUBLISH) for unit in (1, 2)]
+    shut = itertools.count()
+
+    def publish():
+        since = next(shut) if hand.command[0] == 0.0 else 0
+        for publisher in publishers[10 <= since < 48:]:
+            publisher.publish(interface.pressure_message(
+                graph.probe.now_ns(), 1e5 if since < 48 else 0.0, 0.0))
+    graph.probe.every(5e-3, publish)
+    graph.until(lambda: all(len(channel.rows) > 5 for channel in hand.pressure), 'pressures')
+    found = Probe()
+    UnitProbe(Session(hand, graph.spinner, lambda: False), found, paper_bundle, SUPPLY, 5e-6
+              )._answers_silence(0)
+    tight = next(each for each in found.findings if each.what == 'mu1 tightness')
+    assert tight.detail.startswith('not known: no reading for 0.')

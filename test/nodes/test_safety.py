@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import WrenchStamped
 import pytest
+from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, String
 import yaml
@@ -374,6 +375,41 @@ def test_enable_needs_an_emergency_stop_that_is_received(graph, rig):
     button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
     button.publish(Bool(data=False))
     graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+
+
+def test_a_stop_reset_beside_a_second_publisher_is_reset_once_more(graph, rig):
+    """As after a driver was killed and started again; the reason says what helps."""
+    rig = rig(enable=False, e_stop=False)
+    killed, driver = (graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+                      for _ in range(2))
+    driver.publish(Bool(data=True))
+    stop = rig.node._oversight.e_stop
+    graph.until(lambda: stop.on and rig.node.publisher_count('e_stop') == 2, 'the stop')
+    driver.publish(Bool(data=False))
+    graph.until(lambda: stop.doubt, 'the doubt')
+    graph.probe.destroy_publisher(killed)
+    graph.until(lambda: rig.node.publisher_count('e_stop') == 1, 'one publisher')
+    success, message = enabled(graph)
+    assert not success
+    assert 'it was reset while e_stop had 2 publishers' in message
+    assert message.endswith('stop and reset once more')
+    for on in (True, False):
+        driver.publish(Bool(data=on))
+        graph.until(lambda on=on: stop.on == on, 'stop and reset')
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+
+
+def test_what_is_repeated_does_not_wait_for_what_was_lost(graph, rig):
+    """Behind a lost packet a reliable subscription is silent for up to a second."""
+    rig = rig(enable=False)
+    name = rig.node.resolve_topic_name
+    for topic, others in (('supply_enable', 3), ('mu1/pid_state', 1)):
+        def of_nodes(topic=topic):
+            return [info for info in graph.probe.get_subscriptions_info_by_topic(name(topic))
+                    if info.node_name != 'probe']
+        graph.until(lambda others=others: len(of_nodes()) == others, topic)
+        assert {info.qos_profile.reliability for info in of_nodes()} == {
+            ReliabilityPolicy.BEST_EFFORT}
 
 
 @pytest.mark.parametrize(('topic', 'kind'), [

@@ -25,6 +25,7 @@ from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recording import record
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_check import (
+    _judge_channel,
     _judge_force,
     _judge_latency,
     _judge_values,
@@ -381,6 +382,31 @@ def test_check_rig_leaves_a_force_and_a_strain_at_rest_to_you():
         verdicts = [_judge_values(name, np.full(50, value), False).verdict
                     for value in (rest, work, wrong)]
         assert verdicts == ['note', 'note' if name == 'force' else 'ok', 'FAIL']
+
+
+def test_check_rig_notes_a_strain_below_zero():
+    """That of an encoder with the wrong sign, or of a bundle that a load stretches."""
+    finding = _judge_values('strain', np.full(50, -0.05), False)
+    assert (finding.verdict, 'only if the bundle is stretched' in finding.detail) == ('note', True)
+
+
+@pytest.mark.parametrize(('rate', 'verdict'), [(49.97, 'ok'), (45.0, 'FAIL')])
+def test_check_rig_takes_fifty_readings_a_second_as_they_are_counted(rate, verdict):
+    """A timer of 20 ms is late rather than early."""
+    rows = [(k / rate, int(1e9 * k / rate) + 10**9, 1e-3, 50.0 + k % 3) for k in range(100)]
+    found = {each.what: each for each in _judge_channel('force', rows, None, 2.0, False)}
+    assert found['force rate'].verdict == verdict, found['force rate'].detail
+
+
+@pytest.mark.parametrize('gap', [0.0, 0.2])
+def test_check_rig_notes_readings_that_drop_out(gap):
+    """At such a rate on average, but lost for the controllers now and then."""
+    times = 5e-3 * np.arange(400) + gap * (np.arange(400) > 200)
+    rows = [(time, int(1e9 * time) + 10**9, 1e-3, 50.0 + k % 3) for k, time in enumerate(times)]
+    gaps = [str(each) for each in _judge_channel('force', rows, None, 2.0, False)
+            if each.what == 'force gaps']
+    assert len(gaps) == (gap > 0.0)
+    assert all(text.startswith('note force gaps: none for 0.2') for text in gaps)
 
 
 def test_record_without_a_bundle_fails(domain_id, tmp_path, monkeypatch):
