@@ -25,7 +25,7 @@ from fam_bundle_ros.benchmarks.foreign_muscle import (
     table_plant,
     Wrong,
 )
-from fam_bundle_ros.data import as_measurement
+from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.discovery import diagnose
 from fam_bundle_ros.model import Bundle, load_model
 from fam_bundle_ros.model.own_muscle import bundle_of
@@ -47,7 +47,7 @@ def diagnosed_bundle(units: int) -> Bundle:
 
 @cache
 def _diagnosed() -> Bundle:
-    found = diagnose(load_model(config_path(DATA_SHEET)), as_measurement(config_path(DATA)))
+    found = diagnose(load_model(config_path(DATA_SHEET)), read_measurement(config_path(DATA)))
     with tempfile.TemporaryDirectory() as folder:
         path, *_ = found.recommended.save(Path(folder) / 'muscle.yaml')
         return load_model(path)
@@ -85,7 +85,7 @@ def muscle_tables(model: Bundle, friction: bool = False) -> tuple[np.ndarray, np
     force : ndarray (strains, pressures)
     gas : ndarray (strains,)
     """
-    data = as_measurement(config_path(DATA))
+    data = read_measurement(config_path(DATA))
     strain, pressure = grid()
     pulls = data.force > 0.0
     pulled, filled, force = data.strain[pulls], data.pressure[pulls, 0], data.force[pulls]

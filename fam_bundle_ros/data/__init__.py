@@ -13,7 +13,6 @@ from fam_bundle_ros.data.measurement import Measurement, Taken, write_csv
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.protocol import duration, Protocol, read_protocol, save_protocol, segments
 from fam_bundle_ros.data.reading import (
-    as_measurement,
     Preview,
     preview,
     read_measurement,
@@ -22,7 +21,7 @@ from fam_bundle_ros.data.reading import (
 )
 from fam_bundle_ros.data.recipe import load_recipe, Recipe, recipe_of, save_recipe
 
-__all__ = ['as_measurement', 'duration', 'join', 'load_recipe', 'Measurement', 'noise_floor',
-           'NoiseFloor', 'Preview', 'preview', 'Protocol', 'read_measurement', 'read_protocol',
+__all__ = ['duration', 'join', 'load_recipe', 'Measurement', 'noise_floor', 'NoiseFloor',
+           'Preview', 'preview', 'Protocol', 'read_measurement', 'read_protocol',
            'read_recordings', 'Recipe', 'recipe_of', 'save_protocol', 'save_recipe', 'segments',
            'Taken', 'taken_words', 'write_bag', 'write_csv']

@@ -179,11 +179,6 @@ def preview(source: Any, *, recipe: Recipe | str | Path | None = None, name: str
     return Preview(table.name, table.kind, taken, cells, len(table.rows), problem, measured)
 
 
-def as_measurement(source: Any) -> Measurement:
-    """Return a `Measurement` as it is, and what `read_measurement` makes of anything else."""
-    return source if isinstance(source, Measurement) else read_measurement(source)
-
-
 def taken_words(measurement: Measurement) -> str:
     """
     Return in one line what the columns of a file were taken for; empty where it is as written.

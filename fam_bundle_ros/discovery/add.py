@@ -22,7 +22,6 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
-from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.compare import floor_of
@@ -32,6 +31,7 @@ from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
 from fam_bundle_ros.discovery.predict import matched, predict, stiffness
+from fam_bundle_ros.discovery.reading import measurement_of
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
@@ -162,7 +162,7 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         it does not have, or bad data.
     """
     choices = choices or Choices()
-    data = matched(model, as_measurement(measurement))
+    data = matched(model, measurement_of(model, measurement))
     listed = [effect] if isinstance(effect, (str, Effect)) else list(effect)
     replacing = dict(replacing or {})
     for gone in (*replacing, *removing):
@@ -326,9 +326,9 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     InputError
         Without a model, or if data and a model have different motor units.
     """
-    data = as_measurement(measurement)
     if not models:
         raise InputError('a ladder needs at least one model')
+    data = measurement_of(models[0], measurement)
     steps: list[dict[str, Any]] = []
     residuals = []
     for model in models:
@@ -364,7 +364,7 @@ def orders(model: Bundle, effects: Sequence[str], measurement: Any) -> dict[str,
     dict of str to list of float
         Such as ``{'end_caps, coulomb_friction': [6.7, 5.3, 0.7]}``; the first is recalibration.
     """
-    data = matched(model, as_measurement(measurement))
+    data = matched(model, measurement_of(model, measurement))
     search = Search(Options(model, reduce(model, data), Choices(), tuple(
         _effect(name, model) for name in effects)))
 

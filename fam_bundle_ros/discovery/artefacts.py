@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import gammaincc
 
 from fam_bundle_ros.data.grouping import rms, visit_cells
 from fam_bundle_ros.data.noise import NoiseFloor
@@ -89,19 +90,17 @@ def _over_time(covariance: Covariance, fit: Fit) -> tuple[float, float]:
     steps = np.column_stack([cells.strain / cells.strain_range,
                              cells.pressure / cells.pressure_range])
     _, place = np.unique(np.round(steps * _PLACES), axis=0, return_inverse=True)
-    whole, apart = rms(found), _within(place.ravel(), found)
-    return (whole if apart is None else min(whole, apart)), whole
+    whole, (apart, again) = rms(found), _within(place.ravel(), found)
+    return (min(whole, apart) if again else whole), whole
 
 
-def _within(place: np.ndarray, values: np.ndarray) -> float | None:
-    """Return the standard deviation of values at one place, None if no place has several."""
+def _within(place: np.ndarray, values: np.ndarray) -> tuple[float, int]:
+    """Return the standard deviation of values at one place, and its degrees of freedom."""
     count = np.bincount(place)
     again = count[place] > 1
-    if not again.any():
-        return None
     apart = (values - (np.bincount(place, values) / count)[place])[again]
     free = int(again.sum()) - int((count > 1).sum())
-    return float(np.sqrt(apart @ apart / free))
+    return float(np.sqrt(apart @ apart / max(free, 1))), free
 
 
 def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
@@ -126,12 +125,17 @@ def _unexplained(fitter: Fitter, chosen: Fit) -> np.ndarray:
 
 
 def _contradictions(fitter: Fitter, chosen: Fit) -> Iterator[Artefact]:
-    """Yield the difference of rows at one place of a map, if no law could neglect it."""
+    """
+    Yield the difference of rows at one place of a map, if no law could neglect it.
+
+    It must be more than noise too, by a chi-square test.
+    """
     cells = fitter.cells
     kept = cells.label >= 0
     place, _ = visit_cells(cells.data.select(kept))
-    size = _within(place, _unexplained(fitter, chosen))
-    if size is not None and size > negligible(cells):
+    size, free = _within(place, _unexplained(fitter, chosen))
+    if size > negligible(cells) and gammaincc(free / 2.0, free / 2.0 * (
+            size / cells.noise) ** 2) < settings.ALARM:
         yield Artefact(
             f'rows of the same strain, pressure and direction differ by {number(size)} N rms, the '
             f'noise is {number(cells.noise, 2)} N: two muscles in one file, or something that was '

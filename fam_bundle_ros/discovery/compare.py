@@ -28,13 +28,13 @@ from fam_bundle_ros.data.grouping import (
 from fam_bundle_ros.data.mean_noise import mean_noise
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
-from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.unit_slips import slips
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import extent, visits
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.log_rows import spikes, stretches, unknown_direction
 from fam_bundle_ros.discovery.predict import free_mask, matched, noise_of, predict, stiffness
+from fam_bundle_ros.discovery.reading import measurement_of
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
 
@@ -173,8 +173,7 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     InputError
         If data and model have different motor units.
     """
-    data = as_measurement(measurement)
-    data = matched(model, data)
+    data = matched(model, measurement_of(model, measurement))
     prediction = predict(model, data)
     residual = data.force - prediction
     slope = stiffness(model, data)

@@ -21,7 +21,6 @@ import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.reading import as_measurement
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.artefacts import artefacts
@@ -40,6 +39,7 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Change, family, Options
 from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.predict import predict, stiffness
+from fam_bundle_ros.discovery.reading import measurement_of
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
 from fam_bundle_ros.discovery.settings import Choices
@@ -86,7 +86,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     """
     begun = time.perf_counter()
     choices = choices or Choices()
-    searched = Searched.of(model, as_measurement(measurement), choices, progress)
+    searched = Searched.of(model, measurement_of(model, measurement), choices, progress)
     comparison, data, search = searched.comparison, searched.data, searched.search
     fitter, cells = search.fitter, search.fitter.cells
     if progress:

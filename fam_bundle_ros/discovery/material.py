@@ -20,12 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
+from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.estimates import DEAD, unit_of
 from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.model import Place
 
-#: Significance level of the chi-square test for a power law.
-_ALARM = 0.01
 #: Most parameters of one effect treated jointly; the number of sets is two to this power.
 _TOGETHER = 8
 
@@ -297,6 +296,6 @@ def _relation(values: np.ndarray, sd: np.ndarray, facts: Sequence[Mapping[str, f
         found, _, _, _ = np.linalg.lstsq(line, y / spread, rcond=None)
         left = float(np.sum((y / spread - line @ found) ** 2))
         power, reach = float(found[1]), 1.96 * float(np.sqrt(np.linalg.inv(line.T @ line)[1, 1]))
-        if stats.chi2.sf(left, len(t) - 2) > _ALARM and left < least and abs(power) > reach:
+        if stats.chi2.sf(left, len(t) - 2) > settings.ALARM and left < least and abs(power) > reach:
             best, least = Relation(fact, power, (power - reach, power + reach)), left
     return best if best.goes_with else Relation(ordered=ordered, chance=chance)

@@ -1,11 +1,22 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Values of a model that are needed to read a recording of its muscle."""
+"""Recordings of a model's muscle, read with what the model says about it."""
 
+from typing import Any
+
+from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.model import Bundle
 
-__all__ = ['length_of', 'recipe_for']
+__all__ = ['length_of', 'measurement_of', 'recipe_for']
+
+
+def measurement_of(model: Bundle, source: Any) -> Measurement:
+    """Return a `Measurement` as it is, and read anything else with the length of the model."""
+    if isinstance(source, Measurement):
+        return source
+    return read_measurement(source, recipe=recipe_for(model, Recipe()))
 
 
 def length_of(model: Bundle) -> float | None:

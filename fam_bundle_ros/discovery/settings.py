@@ -91,6 +91,8 @@ LEAST_SHARE = 0.02
 #: A discrepancy below this share of the largest force is negligible: the gauges of a rig are not
 #: more accurate.
 SMALL = 0.01
+#: Significance level of chi-square tests.
+ALARM = 0.01
 #: Structure, or offsets of trials, below this share of a row's noise are not reported.
 VISIBLE = 0.5
 #: A set that leaves more than this times the normal structure is no explanation: the prior

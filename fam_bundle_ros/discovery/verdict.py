@@ -237,7 +237,7 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
                 *_worse_rows(cells, base, physics)) if found else ()
     if found and structured and (odd := implausible_constants(physics)):
         refusals = (*refusals, f"{' and '.join(odd.values())}, and structure is left")
-    warnings = (*_warnings(physics, held), *_undetermined(held, negligible(cells)),
+    warnings = (*_warnings(physics, held), *_undetermined(held, cells),
                 *_alike_at_one_rate(cells, found)) if found else ()
     lost = chosen.posterior - null.posterior
     if found and lost < settings.LEAST_LOSS:
@@ -365,8 +365,9 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _undetermined(held: HeldOut, limit: float) -> tuple[str, ...]:
-    """Return a warning for each kind of folds whose error (N rms) is above a limit."""
+def _undetermined(held: HeldOut, cells: Cells) -> tuple[str, ...]:
+    """Return a warning for each kind of folds whose error beyond the noise is not negligible."""
+    limit = np.sqrt(negligible(cells) ** 2 + np.average(cells.variance, weights=cells.count))
     return tuple(f'held-out {KINDS[kind]} are predicted with an error of {error:.3g} N: the data '
                  'do not determine the effects there'
                  for kind, (error, _) in held.kinds.items() if error > limit)

@@ -18,7 +18,7 @@ from fam_bundle_ros.benchmarks.measured_muscle import (
 )
 from fam_bundle_ros.benchmarks.plants import sweep
 from fam_bundle_ros.control.baselines import BaselineConfig
-from fam_bundle_ros.data import as_measurement
+from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.resources import config_path
 
 
@@ -33,7 +33,7 @@ def diagnosed(diagnose_map):
 @pytest.fixture(scope='module')
 def readings():
     """Return the readings of a muscle that pulls: strain, pressure, force."""
-    data = as_measurement(config_path(DATA))
+    data = read_measurement(config_path(DATA))
     pulls = data.force > 0.0
     return data.strain[pulls], data.pressure[pulls, 0], data.force[pulls]
 

@@ -9,7 +9,7 @@ import pytest
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery.artefacts import _drifts, drift, returning
+from fam_bundle_ros.discovery.artefacts import _contradictions, _drifts, drift, returning
 from fam_bundle_ros.discovery.cells import negligible, reduce
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.diagnose import diagnose
@@ -82,6 +82,18 @@ def test_two_muscles_in_one_map_contradict_each_other(paper_muscle, smaller):
     said = found.summary.startswith('rows of the same strain, pressure and direction differ by')
     assert said == (smaller < 1.0)
     assert found.verdict == ('unexplained' if smaller < 1.0 else 'adequate')
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_rows_of_a_noisy_map_do_not_contradict_each_other(paper_muscle, seed):
+    """Every strain and pressure twice, with noise of 1.2 % of the largest force."""
+    strain, pressure = (np.repeat(grid.ravel(), 2) for grid in np.meshgrid(
+        np.linspace(0.0, 0.24, 13), np.linspace(69e3, 345e3, 5)))
+    force = paper_muscle.force(strain, pressure[:, None])
+    noise = 0.012 * force.max() * np.random.default_rng(seed).standard_normal(len(force))
+    cells = reduce(paper_muscle, build('noisy', strain, pressure[:, None], force + noise))
+    search = Search(Options(paper_muscle, cells, Choices()))
+    assert not [*_contradictions(search.fitter, search.fit(search.options.own))]
 
 
 def test_vibration_of_the_rig_is_no_noise_and_no_effect(make_sweeps, paper_muscle):

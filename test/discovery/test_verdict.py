@@ -12,7 +12,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import choice
 from fam_bundle_ros.discovery import verdict as verdicts
 from fam_bundle_ros.discovery.artefacts import Artefact
-from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.cells import negligible, reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import folds, HeldOut
@@ -37,12 +37,24 @@ from fam_bundle_ros.discovery.verdict import (
 GOOD = HeldOut(1.0, 1.0, {'mean': 9.0, 'plane': 5.0, 'empirical': 2.0}, {})
 
 
-def test_what_is_not_predicted_is_not_determined():
+def test_what_is_not_predicted_is_not_determined(make_sweeps, paper_muscle):
     """Each kind of folds whose error is not negligible is a caution, the others are none."""
-    held = replace(GOOD, kinds={'isobar': (1.9, 0.1), 'strain': (2.1, 0.1)})
-    assert _undetermined(held, 2.2) == ()
-    words, = _undetermined(held, 2.0)
-    assert words.startswith('held-out inner strain levels are predicted with an error of 2.1 N')
+    cells = reduce(paper_muscle, make_sweeps(cycles=1))
+    cells = replace(cells, variance=np.zeros(len(cells)))
+    limit = negligible(cells)
+    held = replace(GOOD, kinds={'isobar': (0.9 * limit, 0.1), 'strain': (1.1 * limit, 0.1)})
+    words, = _undetermined(held, cells)
+    assert words.startswith('held-out inner strain levels are predicted with an error of ')
+
+
+def test_an_error_that_is_mostly_noise_was_predicted(make_sweeps, paper_muscle):
+    """Held-out rows have their noise: only the error beyond it says something on the effects."""
+    noisy = replace(reduce(paper_muscle, make_sweeps(cycles=1)), noise=10.0)
+    noisy = replace(noisy, variance=100.0 / noisy.count)
+    scatter = np.sqrt(np.average(noisy.variance, weights=noisy.count))
+    for beyond, told in ((0.8, 0), (1.2, 1)):
+        error = np.hypot(scatter, beyond * negligible(noisy))
+        assert len(_undetermined(replace(GOOD, kinds={'isobar': (error, 0.1)}), noisy)) == told
 
 
 @pytest.fixture(scope='module')
