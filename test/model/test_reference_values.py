@@ -63,9 +63,18 @@ def test_bladder_force_alone():
 
 def test_rubber_is_at_rest_at_zero_strain():
     """No bladder of the family pushes or pulls at its rest length."""
-    for name in ('bladder_elasticity', 'bladder_ogden', 'bladder_polynomial', 'bladder_thick'):
+    for name in ('bladder_elasticity', 'bladder_linear', 'bladder_ogden', 'bladder_polynomial',
+                 'bladder_thick'):
         tube = Bundle('tube', units(1), [mesh()]).with_effect(name)
         assert_allclose(tube.force(0.0, [0.0]), 0.0, atol=1e-9)
+
+
+def test_a_linear_tube_is_a_spring_at_every_pressure():
+    """One newton per strain and newton of stiffness, in both directions."""
+    tube = Bundle('tube', units(1), [mesh()])
+    strain, pressure = np.array([[-0.02], [0.1], [0.3]]), np.array([[0.0], [3e5]])
+    with_spring = tube.with_effect('bladder_linear', stiffness=300.0).force(strain, pressure)
+    assert_allclose(with_spring - tube.force(strain, pressure), -300.0 * strain * [1.0, 1.0])
 
 
 def test_ogden_s_rubber_of_exponent_two_is_neo_hooke_s():

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Elastic force of the rubber tube inside the braid, a function of strain: four shapes."""
+"""Elastic force of the rubber tube inside the braid, a function of strain: five shapes."""
 
 import math
 from typing import Any
@@ -47,6 +47,15 @@ def bladder_elasticity(stretch, braid, cos2, sin2, cot2, wall_area, c10, c01):
 def bladder_polynomial(strain, k1, k2, k3):
     """F = -(k1 e + k2 e^2 + k3 e^3)."""
     return -strain * (k1 + strain * (k2 + strain * k3))
+
+
+@law('force', **_FAMILY, variant_of='bladder_elasticity', look=('green', 'dashdot'),
+     summary='rubber tube as a spring beside the braid, without a material law',
+     source='derived: first-order expansion of any elastic tube about its rest length',
+     off={'stiffness': 0.0}, stiffness=Parameter(200.0, 'N', 0.0, 2e4, 'force per strain'))
+def bladder_linear(strain, stiffness):
+    """F = -k e."""
+    return -stiffness * strain
 
 
 @law('force', **_FAMILY, variant_of='bladder_elasticity', look=('green', 'dot'),
