@@ -296,6 +296,7 @@ def _relation(values: np.ndarray, sd: np.ndarray, facts: Sequence[Mapping[str, f
         found, _, _, _ = np.linalg.lstsq(line, y / spread, rcond=None)
         left = float(np.sum((y / spread - line @ found) ** 2))
         power, reach = float(found[1]), 1.96 * float(np.sqrt(np.linalg.inv(line.T @ line)[1, 1]))
-        if stats.chi2.sf(left, len(t) - 2) > settings.ALARM and left < least and abs(power) > reach:
+        plausible = stats.chi2.sf(left, len(t) - 2) > settings.ALARM
+        if plausible and left < least and abs(power) > reach:
             best, least = Relation(fact, power, (power - reach, power + reach)), left
     return best if best.goes_with else Relation(ordered=ordered, chance=chance)
