@@ -49,7 +49,7 @@ def bladder_polynomial(strain, k1, k2, k3):
     return -strain * (k1 + strain * (k2 + strain * k3))
 
 
-@law('force', **_FAMILY, variant_of='bladder_elasticity', look=('green', 'dashdot'),
+@law('force', **_FAMILY, variant_of='bladder_elasticity', look=('brown', 'longdashdot'),
      summary='rubber tube as a spring beside the braid, without a material law',
      source='derived: first-order expansion of any elastic tube about its rest length',
      off={'stiffness': 0.0}, stiffness=Parameter(200.0, 'N', 0.0, 2e4, 'force per strain'))
