@@ -47,6 +47,8 @@ _EXHAUSTED = 2.0
 _HEAR = 0.5
 #: Tolerated error of model and load cell together, as a share of the blocked force.
 _FORCE_ERROR = 0.05
+#: Usual limits of the force reading, N; those of a bundle with larger forces are larger.
+_FORCES = -200.0, 5000.0
 
 
 class Oversight:
@@ -89,7 +91,7 @@ class Oversight:
                        *map(interface.setpoint_topic, units), *map(interface.valve_topic, units))
         self._limit = bundle.max_pressure.tolist()
         self.guard = Guard()
-        self.watches = self._make_watches()
+        self.watches = self._make_watches(float(bundle.blocked_force(bundle.max_pressure)))
         self.pressure = [math.nan] * bundle.n
         #: Last force (N) and strain, nan where they cannot be trusted.
         self._force = self._strain = math.nan
@@ -107,14 +109,17 @@ class Oversight:
         if not node.lock_step:
             node.every(loops.PERIOD, self._look_at_publishers)
 
-    def _make_watches(self) -> list[SensorWatch]:
+    def _make_watches(self, largest: float) -> list[SensorWatch]:
+        """Return the watches of all readings; ``largest`` force of the model, N."""
         p = self._node.p
+        lowest = p['force_low'] or min(_FORCES[0], -0.5 * largest)
+        highest = p['force_high'] or max(_FORCES[1], 2.0 * largest)
 
         def config(low: float, high: float, stuck: float, below: str = '') -> WatchConfig:
             return WatchConfig(low, high, p['sensor_timeout'], p['hold_time'],
                                p['recovery_time'], stuck, self._node.max_latency, below)
         return [
-            SensorWatch('force', 'N', config(p['force_low'], p['force_high'], p['stuck_time'])),
+            SensorWatch('force', 'N', config(lowest, highest, p['stuck_time'])),
             SensorWatch('strain', '', config(p['strain_low'], p['strain_high'],
                                              p['strain_stuck_time'])),
             *(SensorWatch(f'mu{i + 1} pressure', 'Pa', config(-50e3, 1.6e6, 0.0, GAUGE))

@@ -84,8 +84,10 @@ SPECS = (
          'rig without an emergency stop'),
     Spec('over_pressure_factor', OVER_PRESSURE_FACTOR, 'vent and latch above the largest '
          'pressure times this', 1.0, 3.0, dynamic=True, guards=True),
-    Spec('force_low', -200.0, 'smallest possible force reading, N', -1e5, 0.0),
-    Spec('force_high', 5000.0, 'largest possible force reading, N', 0.0, 1e5),
+    Spec('force_low', 0.0, 'smallest possible force reading, N; 0: -200, or minus half of the '
+         'largest force of the model where that is lower', -1e5, 0.0),
+    Spec('force_high', 0.0, 'largest possible force reading, N; 0: 5000, or twice the largest '
+         'force of the model where that is more', 0.0, 1e5),
     Spec('strain_low', -0.2, 'smallest possible strain reading', -1.0, 0.0),
     Spec('strain_high', 0.6, 'largest possible strain reading', 0.0, 1.0),
     Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),

@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings that are lost or not believed: held, vented, and what brings pressure back."""
 
+import math
+
 from geometry_msgs.msg import WrenchStamped
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.control.safety import Change, State
+from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.profile import Points
@@ -168,3 +171,20 @@ def test_burst_muscle_is_latched_by_all(graph, bundle):
     assert graph.enable().success
     graph.advance(rig, 1.2)
     assert rig.rig.truth.force == pytest.approx(60.0, abs=2.0)
+
+
+@pytest.mark.parametrize(('radius', 'given', 'limits'), [
+    (6.35e-3, {}, (-200.0, 5000.0)), (40e-3, {}, None),
+    (40e-3, {'force_low': -50.0, 'force_high': 900.0}, (-50.0, 900.0))])
+def test_the_force_of_a_strong_bundle_is_no_broken_load_cell(graph, tmp_path, radius, given,
+                                                                 limits):
+    """Two muscles of 80 mm pull 13 kN: the limits follow the model, unless the user sets them."""
+    geometry = Geometry(radius, 0.5, math.radians(33.0), 0.25 * radius)
+    bundle = Bundle('strong', [MotorUnit(f'mu{k + 1}', 1, geometry, 344.7e3) for k in range(2)],
+                    [catalogue.get('mesh')()])
+    save_model(bundle, tmp_path / 'strong.yaml')
+    node = graph.add(RecruitmentNode(context=graph.context, overrides={
+        'model': str(tmp_path / 'strong.yaml'), **given}))
+    config = node._oversight.watches[0].config
+    largest = float(bundle.blocked_force(bundle.max_pressure))
+    assert (config.low, config.high) == pytest.approx(limits or (-0.5 * largest, 2.0 * largest))
