@@ -145,7 +145,7 @@ class AdaptationState:
 def adaptation_settings(config: AdaptationConfig, bundle: Any, feedback: bool = True
                         ) -> AdaptationSettings:
     """Return the record that `adaptation_step` takes; ``feedback``: used by the force loop."""
-    usual = USUAL_FORCE * float(bundle.force(0.0, bundle.max_pressure))
+    usual = USUAL_FORCE * bundle.largest_force
     pull, push = config.pull_error, config.push_error
     if pull is None:
         pull = _known_error(bundle, _PULLING) or USUAL_PULL

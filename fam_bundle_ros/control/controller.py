@@ -239,7 +239,7 @@ def controller_settings(bundle: Bundle, config: ControllerConfig) -> Recruitment
         bundle.max_pressure, config.max_pressure)
     return RecruitmentSettings(
         SCHEMES.index(config.scheme), config.still, config.hold_time,
-        STEP_SHARE * float(bundle.blocked_force(bundle.max_pressure)), limit.tolist(),
+        STEP_SHARE * bundle.largest_force, limit.tolist(),
         switching_settings(config.switching), outer_settings(config.outer, config.load, bundle),
         baseline_settings(config.baseline, bundle, limit),
         adaptation_settings(config.adaptation, bundle, config.outer.feedback))

@@ -191,13 +191,12 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
     strains, forces = map(list, zip(*load.table)) if load.table else ([], [])
-    largest = float(bundle.force(0.0, bundle.max_pressure))
     spare = [0.0] * (_TABLE - len(strains) % _TABLE)
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return OuterSettings(**{
         **vars(config), 'worked_out': given == (None, None, None), 'bias_time': bias_time,
         'force_gain': gain,
-        'still': _STILL * largest if config.still is None else config.still,
+        'still': _STILL * bundle.largest_force if config.still is None else config.still,
         'stiffnesses': stiffnesses, 'most_stiffness': most, 'usual_inertia': usual,
         'strain_gain': [each.gain for each in found],
         'strain_integral': [each.integral for each in found],

@@ -8,6 +8,8 @@ Part of the outer loops (`outer_loop`), with their settings and memory. Kernels.
 
 from typing import Any
 
+from scipy.constants import g
+
 from fam_bundle_ros.control.friction import turn_round
 from fam_bundle_ros.control.load_estimate import learn_load, load_law
 from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, quick_of
@@ -19,7 +21,6 @@ from fam_bundle_ros.control.strain_gains import RATE_LAG, strain_gains, StrainGa
 _PERIOD = 4e-3
 #: Weight of the load where none is known, as a share of the largest force.
 _USUAL_WEIGHT = 0.07
-_GRAVITY = 9.80665
 #: s: filter of the acceleration of a reference.
 _BEND_TIME = 0.01
 #: Half-width of the strain correction's backlash, in standard deviations of its noise.
@@ -31,8 +32,7 @@ _LAGS = 2.0
 
 def usual_inertia(bundle: Any) -> float:
     """Return the inertia of a usual load of a bundle, N s^2."""
-    mass = _USUAL_WEIGHT * float(bundle.force(0.0, bundle.max_pressure)) / _GRAVITY
-    return mass * bundle.length
+    return _USUAL_WEIGHT * bundle.largest_force / g * bundle.length
 
 
 def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float, usual: float,

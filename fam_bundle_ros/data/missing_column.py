@@ -58,10 +58,10 @@ def missing_column(table: Table, key: str, taken: Sequence[Taken]) -> str:
     misfit = _misfit(table, key, unused)
     if misfit:
         return f'{table.name}: {misfit}{found}'
-    missing, examples = f"{table.name}: column '{key}' is missing{found}{_numbers_above(table)}", \
-        _examples(table, key, unused)
+    above, examples = _numbers_above(table), _examples(table, key, unused)
+    missing = f"{table.name}: column '{key}' is missing{found}{above}"
     if key == 'pressure' and not examples:  # it is a constant, or not in this file
-        return missing + _constant_pressure(table)
+        return missing if above else missing + _constant_pressure(table)
     if key == 'strain' and not examples and not unused:  # of an isometric test
         return missing + _constant_strain(table.name)
     example = f'--columns "{(examples or [_unknown(key)])[0]}"'
@@ -83,13 +83,17 @@ def _meaning(table: Table, entry: Taken) -> str:
 
 
 def _numbers_above(table: Table) -> str:
-    """Return what is wrong with a line of numbers in place of names, '' for others."""
-    cells = [cell for cell in cells_of(table.above[-1]) if cell] if table.above else []
-    if len(cells) < 3 or not all(map(is_unnamed, table.columns)) or not all(
-            map(is_number, cells[1:])):
-        return ''
-    return (f"; above them stands '{' '.join(cells)[:60]}': expected names, or levels with a "
-            f"unit, '{cells[1]} kPa' in place of '{cells[1]}'")
+    """Return what is wrong with a line of numbers in place of levels, '' for others."""
+    unnamed = all(map(is_unnamed, table.columns))
+    # of trials that lay side by side each has a number
+    trials = len(set(table.columns['trial'].tolist())) if 'trial' in table.columns else 0
+    for line in reversed(table.above):
+        cells = [cell for cell in cells_of(line.strip()) if cell]
+        if (unnamed and len(cells) > 2 or len(cells) == trials > 1) and all(
+                map(is_number, cells[unnamed:])):
+            return (f"; above them stands '{' '.join(cells)[:60]}': expected names, or levels "
+                    f"with a unit, '{cells[1]} kPa' in place of '{cells[1]}'")
+    return ''
 
 
 def _constant_pressure(table: Table) -> str:

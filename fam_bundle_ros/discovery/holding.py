@@ -57,8 +57,7 @@ def tolerance_of(bundle: Bundle) -> float:
     Twice the error of its fit, from the model file, but at least the error that is negligible in
     a diagnosis: a share of the largest force.
     """
-    largest = float(bundle.blocked_force(bundle.max_pressure))
-    return max(2.0 * float(bundle.error), settings.SMALL * largest)
+    return max(2.0 * float(bundle.error), settings.SMALL * bundle.largest_force)
 
 
 class Noise:

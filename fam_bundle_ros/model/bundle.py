@@ -438,3 +438,8 @@ class Bundle:
     def blocked_force(self, pressure: ArrayLike) -> np.ndarray:
         """Return the force at zero strain, N, shape (...); ``pressure`` has shape (..., n)."""
         return self.force(0.0, pressure)
+
+    @property
+    def largest_force(self) -> float:
+        """Force at zero strain and the largest pressures, N."""
+        return float(self.blocked_force(self.max_pressure))

@@ -91,7 +91,7 @@ class Oversight:
                        *map(interface.setpoint_topic, units), *map(interface.valve_topic, units))
         self._limit = bundle.max_pressure.tolist()
         self.guard = Guard()
-        self.watches = self._make_watches(float(bundle.blocked_force(bundle.max_pressure)))
+        self.watches = self._make_watches(bundle.largest_force)
         self.pressure = [math.nan] * bundle.n
         #: Last force (N) and strain, nan where they cannot be trusted.
         self._force = self._strain = math.nan
@@ -134,9 +134,8 @@ class Oversight:
             return float(model.force(unit, strain, 0.0, [pressure] * bundle.n, 0.0, 0.0, True,
                                      model.shape, model.parameters, model.tables, model.memory,
                                      model.after))
-        self._force_watch = ForceWatch(
-            unit_force, _FORCE_ERROR * float(bundle.blocked_force(bundle.max_pressure)),
-            3.0 / self._node.p['rate'])
+        self._force_watch = ForceWatch(unit_force, _FORCE_ERROR * bundle.largest_force,
+                                       3.0 / self._node.p['rate'])
 
     # --- readings ------------------------------------------------------------------------------
 

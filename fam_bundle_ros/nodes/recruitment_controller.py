@@ -75,7 +75,7 @@ class RecruitmentNode(BundleNode):
         #: Why it is off, where that was not asked for; until it is enabled again.
         self._why_off = ''
         self._off_target = OffTarget({
-            'force': _REACHED_FORCE * float(self.bundle.blocked_force(self.bundle.max_pressure)),
+            'force': _REACHED_FORCE * self.bundle.largest_force,
             'strain': _REACHED_STRAIN})
         self._answered = -1
         self._decided = time.monotonic()

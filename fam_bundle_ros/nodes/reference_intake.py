@@ -45,7 +45,7 @@ class ReferenceIntake:
         self._units = bundle.n
         self._length = bundle.length
         self._pressures = DirectPressures(bundle)
-        self._rate = ReferenceRate(_STEP * float(bundle.blocked_force(bundle.max_pressure)))
+        self._rate = ReferenceRate(_STEP * bundle.largest_force)
         self.meter = Meter()
         self._kind = ''
         #: Since the last report: kinds before and after each change, reasons of refusals.

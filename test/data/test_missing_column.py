@@ -146,3 +146,12 @@ def test_numbers_in_place_of_names_are_told(log, tmp_path):
         read_measurement(path)
     path.write_text(path.read_text().replace('100\t200\t300', '100 kPa\t200 kPa\t300 kPa'))
     assert len(read_measurement(path, rest_length='250 mm')) == 60
+
+
+def test_numbers_above_trials_side_by_side_are_no_pressure_of_all(tmp_path):
+    """Curves of a figure at 1 to 3 bar, without the word: a constant would be wrong for two."""
+    path = tmp_path / 'figure.csv'
+    path.write_text('1,,2,,3,\n' + ','.join(['strain,force (N)'] * 3) + '\n'
+                    + ''.join(f'{x},{90 - x},' * 3 + '\n' for x in range(9)))
+    with pytest.raises(InputError, match="stands '1 2 3': .* '2 kPa' in place of '2'$"):
+        read_measurement(path)
