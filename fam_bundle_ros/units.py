@@ -24,6 +24,7 @@ _KNOWN = {
     '1': (1.0, ''), 'm': (1.0, 'length'), 'mm': (1e-3, 'length'), 'deg': (math.radians(1.0), 'a'),
     's': (1.0, 'time'), '1/s': (1.0, 'rate'), 'N': (1.0, 'force'), 'N*m': (1.0, 'moment'),
     'Pa': (1.0, 'pressure'), 'kPa': (1e3, 'pressure'), 'MPa': (1e6, 'pressure'),
+    'bar': (1e5, 'pressure'), 'psi': (4.4482216152605 / 0.0254 ** 2, 'pressure'),
     '1/MPa': (1e-6, 'compliance'), '1/GPa': (1e-9, 'compliance'), 'N/kPa': (1e-3, 'area'),
     'N*s/m': (1.0, 'damping'), 'K': (1.0, 'temperature'), 'kPa*s/g': (1e6, 'resistance')}
 

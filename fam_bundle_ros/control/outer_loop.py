@@ -45,8 +45,9 @@ KINDS = ('force', 'strain')
 FORCE, STRAIN = 0, 1
 #: Default backlash of the strain loop's correction, as a share of the largest force.
 _STILL = 2e-4
-#: Load tables are padded to a multiple of this length, so that most records have one type.
-_TABLE = 16
+#: Load tables are padded to a multiple of this length, and the stiffnesses to this number (there
+#: are 19 at most), so that all bundles of as many units have one type of record.
+_TABLE, _STIFFNESSES = 16, 20
 
 
 @dataclass
@@ -184,6 +185,7 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     # Gains depend on stiffness over inertia: an unknown load may be heavier or lighter than usual.
     stiffnesses = [*stiffnesses_between(least / INERTIAS, least, usual), *own,
                    *stiffnesses_between(most, most / LEAST_INERTIA, usual)]
+    stiffnesses += [stiffnesses[-1]] * (_STIFFNESSES - len(stiffnesses))
     low, high = (least, most) if load.known else (0.0, math.inf)
     found = [default_strain_gains(config, load, min(max(each, low), high), usual)
              for each in stiffnesses]

@@ -16,6 +16,7 @@ import pytest
 from fam_bundle_ros.control import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import outer_settings
 from fam_bundle_ros.control.strain_loop import at_stiffness
+from fam_bundle_ros.kernels import pack
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.plant import Dynamometer, MassSpring, RigConfig
@@ -85,3 +86,11 @@ def test_the_first_gains_for_a_load_that_was_not_told_are_in_proportion_to_the_b
         for name in ('strain_gain', 'strain_integral', 'strain_damping'):
             assert at_stiffness(other, getattr(other, name), size * stiffness) == pytest.approx(
                 size * at_stiffness(usual, getattr(usual, name), stiffness), rel=1e-6)
+
+
+@pytest.mark.parametrize('load', [LoadModel(), LoadModel(force=20.0, stiffness=3e3)])
+def test_the_loop_is_compiled_once_for_bundles_of_as_many_units(load):
+    """Thin or thick, soft or stiff, with any load: half a minute for each other type of record."""
+    types = {str(pack(outer_settings(OuterConfig(), each, bundle_of(size))).dtype)
+             for size in (0.03, 0.3, 1.0, 7.0, 20.0) for each in (load, LoadModel())}
+    assert len(types) == 1

@@ -146,7 +146,7 @@ def test_only_an_unknown_load_may_be_heavier_or_lighter_than_is_usual(bundles, l
     beyond = found > usual[-1] if lighter else found < usual[0]
     assert beyond.sum() >= 4
     assert known.stiffnesses == unknown.stiffnesses
-    assert np.all(np.diff(found) > 0.0)
+    assert np.all(np.diff(found) >= 0.0)
     assert len({gain for gain, out in zip(known.strain_integral, beyond) if out}) == 1
     assert len({gain for gain, out in zip(unknown.strain_integral, beyond) if out}) >= 4
 
