@@ -15,6 +15,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from fam_bundle_ros.data.folds import fold_labels
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
@@ -133,7 +134,8 @@ class Options:
             Number of different muscle lengths in the analysis.
         """
         has = {'': True, 'several lengths': lengths > 1, 'length readings': any(
-            taken.quantity == 'length' for taken in cells.data.taken)}
+            taken.quantity == 'length' for taken in cells.data.taken),
+            'three strains': fold_labels(cells.data, 'strain').max() >= 0}
         own = {effect.name for effect in model.effects}
         addable = []
         for name, kind in catalogue.available().items():

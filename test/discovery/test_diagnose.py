@@ -44,6 +44,21 @@ def no_name_above_half(result):
             and all(entry.probability <= 0.5 for entry in result.ranking))
 
 
+def test_fittings_that_give_way_are_named_and_not_an_elastic_braid(paper_muscle):
+    """Strains of a crosshead; 12 mm/kN of the pull, of which the law leaves the rubber out."""
+    give = 12e-6 / paper_muscle.length
+    strain, pressure = (grid.ravel() for grid in np.meshgrid(
+        np.linspace(0.0, 0.2, 6), np.linspace(50e3, 400e3, 8)))
+    own = [brentq(lambda e, e0=e0, p=p: e - e0 - give * paper_muscle.force(e, [p]), -0.1, 0.4)
+           for e0, p in zip(strain, pressure)]
+    force = paper_muscle.force(np.array(own), pressure[:, None])
+    force += np.random.default_rng(5).normal(0.0, 0.3, len(force))
+    result = diagnose(paper_muscle, build('crosshead', strain, pressure, force), choices=ALONE)
+    assert (result.verdict, result.shapes) == ('missing_effect', ('series_compliance',))
+    found = {each.key: each.value for each in result.parameters}['series_compliance.compliance']
+    assert found == pytest.approx(12.0, rel=0.2)
+
+
 def test_a_wrong_rest_length_is_named_and_not_a_gauge(paper_muscle):
     """Lengths of a muscle that is 4 mm shorter than its model says, 0.3 N of noise."""
     true_length = paper_muscle.length - 4e-3

@@ -190,8 +190,7 @@ def test_what_other_rooms_need_to_know_stands_in_the_law():
     assert bundle.pneumatics.leak_rate == pytest.approx(1 / 200.0)
     assert bundle.pneumatics.supply_resistance == pytest.approx(4e7)
     assert {law.name for law in laws if not law.candidate} == {
-        'mesh', 'measured_surface', 'discrepancy_surface', 'leak', 'supply_droop',
-        'series_compliance'}
+        'mesh', 'measured_surface', 'discrepancy_surface', 'leak', 'supply_droop'}
 
 
 def test_a_first_sample_begins_afresh_whatever_is_in_the_memory():

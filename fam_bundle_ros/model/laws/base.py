@@ -177,9 +177,10 @@ class Law:
         True if it describes how a muscle resists compression.
     candidate : bool
         False if a diagnosis may not add it to a model.
-    needs : {'', 'several lengths', 'length readings'}
-        What data must have before a diagnosis may add it: muscles of several lengths, or strains
-        that were calculated from readings of the muscle's length.
+    needs : {'', 'several lengths', 'length readings', 'three strains'}
+        What data must have before a diagnosis may add it: muscles of several lengths, strains
+        that were calculated from readings of the muscle's length, or three levels of the strain
+        (from two, a small change of the strain gives nearly any force between them).
     leaves : tuple of str
         Kinds of shape (`KINDS`) in the residual of a model without the law.
     remedy : str
