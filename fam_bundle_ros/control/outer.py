@@ -95,7 +95,8 @@ class OuterConfig:
         Low-pass filter of the force reading.
     strain_reach : float
         Pressures are computed for the reference strain, at most this far from the measured one:
-        the muscles' own stiffness then pulls towards it.
+        the muscles' own stiffness then pulls towards it. Where a load drives the strain further
+        away, they remain those for the last strain (`strain_loop.next_aim`).
     lead_time : float, s
         Lag of the pressures behind their setpoints. Feed-forward advances a reference with a rate
         by the dead time, this time, and half a sample, for which a setpoint is held on average.

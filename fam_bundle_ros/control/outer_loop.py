@@ -142,6 +142,8 @@ class OuterState:
         Noise of the strain loop's correction before its backlash.
     rate, bend : float
         First and second derivative of a strain reference, 1/s and 1/s^2.
+    aim : float
+        Strain for which pressures are computed with a strain reference: `strain_loop.next_aim`.
     kind : int
         Kind of the last reference, -1 for none.
     lag : float, s
@@ -160,6 +162,7 @@ class OuterState:
     noise: float = 0.0
     rate: float = 0.0
     bend: float = 0.0
+    aim: float = 0.0
     lag: float = 0.0
     behind: float = 0.0
     kind: int = -1
@@ -275,6 +278,7 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
         state.friction.heading, state.friction.reckoned = 0, quick_of(state.observer)
+        state.aim = measurement.strain
         forget_load(state.load)
     target = state.target
     target.strain, target.strain_rate = measurement.strain, measurement.strain_rate

@@ -78,8 +78,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
                  + settings.load_inertia * state.bend)
         if settings.feedback and not settings.load_known:
             known += unknown_load(settings, state, measurement, ahead, rate, dt)
-        reach = settings.strain_reach
-        target.strain = min(max(ahead, strain - reach), strain + reach)
+        target.strain = state.aim = next_aim(state.aim, ahead, strain, settings.strain_reach)
         target.strain_rate = rate
     if settings.feedback:
         # PID replaces the observer here: with both, fast errors would be corrected twice.
@@ -142,6 +141,32 @@ def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate
     if not known:
         state.integral -= load.forces[2]
     return load.offset + load_law(load, ahead, rate, state.bend)
+
+
+def next_aim(last: float, ahead: float, strain: float, reach: float) -> float:
+    """
+    Return the strain for which pressures are computed: the reference, within reach of the strain.
+
+    It follows a strain that approaches the reference, and stays where a load drives the strain
+    away: at pressures for a strain that retreats, the muscles would yield without any stiffness.
+
+    Parameters
+    ----------
+    last : float
+        The strain of the tick before.
+    ahead, strain, reach : float
+        Reference; measured strain; largest distance of the result from it.
+
+    Examples
+    --------
+    >>> [next_aim(0.1, 0.1, strain, 0.03) for strain in (0.1, 0.05)]
+    [0.1, 0.1]
+    >>> [round(next_aim(0.05, 0.1, strain, 0.03), 2) for strain in (0.05, 0.06)]
+    [0.08, 0.09]
+    """
+    if ahead > strain:
+        return min(max(strain + reach, last), ahead)
+    return max(min(strain - reach, last), ahead)
 
 
 def held_back(error: float, rate: float, seen: float) -> float:

@@ -281,6 +281,15 @@ def test_pressures_are_worked_out_for_a_strain_within_reach(paper_bundle):
     assert loop.run(40.0, strain=0.17, speed=0.4).strain == 0.17
 
 
+def test_a_load_that_drives_the_strain_away_meets_the_stiffness_of_the_muscles(paper_bundle):
+    """A weight that is added does not lower the strain for which pressures are computed."""
+    loop = Loop(paper_bundle, strain_reach=0.03)
+    assert loop.run(0.1, kind=STRAIN, strain=0.1).strain == pytest.approx(0.1)
+    assert loop.run(0.1, kind=STRAIN, strain=0.02).strain == pytest.approx(0.1)
+    assert loop.run(0.1, kind=STRAIN, strain=0.19).strain == pytest.approx(0.1)
+    assert loop.run(0.05, kind=STRAIN, strain=0.1).strain == pytest.approx(0.07)
+
+
 def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
     """What held the load before is where the integral begins."""
     loop = Loop(paper_bundle)
