@@ -221,9 +221,8 @@ class Searched:
         nearest.
         """
         search = self.search
-        chosen, found = best_of_ties(search, *named(search, search.best))
-        if not found:
-            chosen, found = likelier_than_not(search)
+        chosen, found = likelier_than_not(
+            search, *best_of_ties(search, *named(search, search.best)))
         likely = bool(found)
         physics = search.fitter.without_discrepancy(chosen)
         judged = self._judged(*drop_unpredictive(search, chosen, found, physics), likely)
