@@ -168,9 +168,9 @@ def likelier_than_not(search: Search, chosen: Fit, found: list[Change],
     further effect has enough evidence: a smooth discrepancy can be nearly as probable as an effect
     that is small, or that shows at a few speeds only, though both say that something is missing.
     One half is the limit of the median probability model (Barbieri and Berger 2004).
-    Similar effects share the probability, so none may reach one half: then return the most
-    probable set, within the odds of the chosen one, whose effects explain the structure without a
-    discrepancy.
+    Similar effects share the probability, so none may reach one half: then, if nothing else was
+    found, return the most probable set, within the odds of the chosen one, whose effects explain
+    the structure without a discrepancy.
 
     Parameters
     ----------
@@ -180,23 +180,17 @@ def likelier_than_not(search: Search, chosen: Fit, found: list[Change],
     fitter = search.fitter
     if not leaves_structure(search, chosen, fitter.without_discrepancy(chosen)):
         return chosen, found
-    posterior = Posterior.of(search)
-
-    def more(fit: Fit) -> list[Change]:
-        added = search.options.changes(fit.names)
-        return [*found, *(change for change in added if change not in found)] if (
-            set(found) < set(added)) else []
-
+    posterior, changes = Posterior.of(search), search.options.changes
     for fit in posterior.fits:
-        if all(posterior.of_label(change.label) > 0.5
-               for change in search.options.changes(fit.names)):
-            if more(fit):
-                return fit, more(fit)
+        added = [change for change in changes(fit.names) if change not in found]
+        if all(posterior.of_label(change.label) > 0.5 for change in changes(fit.names)):
+            if set(found) < set(changes(fit.names)):
+                return fit, [*found, *added]
             break
-    for fit in _near(search, chosen.posterior):
+    for fit in () if found else _near(search, chosen.posterior):
         alone = fitter.beside_discrepancy(fitter.without_discrepancy(fit), fit.hyper)
-        if more(fit) and not leaves_structure(search, alone, alone):
-            return fit, more(fit)
+        if changes(fit.names) and not leaves_structure(search, alone, alone):
+            return fit, changes(fit.names)
     return chosen, found
 
 

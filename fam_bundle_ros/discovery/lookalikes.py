@@ -75,3 +75,13 @@ def late_force(physics: Fit, found: Sequence[Change]) -> list[str]:
     return [f'the force lags behind the strain by {-1e3 * strain:.2g} ms and behind the pressure '
             f'by {1e3 * line:.2g} ms: a force that is logged late lags behind both, without '
             f'{owner}: check the filter and the clock of the load cell']
+
+
+def late_or_lagging(cells: Cells, physics: Fit, found: Sequence[Change]) -> list[str]:
+    """Return a note that at fixed lengths a late force is the same as the lag of the line."""
+    new = {change.new for change in found}
+    return [f'at fixed lengths {owner} ({1e3 * prior.theta(u):.2g} ms) looks the same as a force '
+            'that is logged late: check the filter and the clock of the load cell, or log a sweep '
+            'of the strain too' for prior, u in zip(physics.priors, physics.u)
+            for owner in [prior.key.partition('.')[0]]
+            if cells.data.is_held and owner in new and family(owner) == 'line_lag']

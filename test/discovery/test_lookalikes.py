@@ -9,7 +9,7 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fitter
-from fam_bundle_ros.discovery.lookalikes import alike_at_one_rate, late_force
+from fam_bundle_ros.discovery.lookalikes import alike_at_one_rate, late_force, late_or_lagging
 from fam_bundle_ros.discovery.options import Change, Options
 from fam_bundle_ros.discovery.settings import Choices
 
@@ -66,3 +66,24 @@ def test_a_force_that_is_logged_late_is_no_lag_of_the_line(paper_muscle, late, l
     assert bool(said) == told
     assert not told or 'behind the strain by 20 ms and behind the pressure by 20 ms' in said[0]
     assert not late_force(physics, found[:1])
+
+
+@pytest.mark.parametrize('held', [True, False])
+def test_at_a_fixed_length_a_lag_of_the_line_may_be_that_of_the_force(paper_muscle, held):
+    """Where the strain rests, only the pressure has something to be behind of."""
+    time = np.arange(0.0, 20.0, 0.02)
+    strain = 0.05 + 0.0 * time if held else 0.05 + 0.04 * np.sin(time)
+    pressure = 200e3 + 150e3 * np.sin(2.0 * time)
+    data = build('log', strain, pressure[:, None],
+                 paper_muscle.force(strain, (pressure - 6e3 * np.cos(2.0 * time))[:, None]),
+                 time=time)
+    cells, found = reduce(paper_muscle, data), [Change('', 'pressure_line_lag')]
+    options, fitter = Options.of(paper_muscle, cells, Choices()), Fitter(Covariance(cells, 0.01))
+    names = found[0].done(options.own)
+    physics = fitter.without_discrepancy(
+        fitter.fit(names, options.bundle(names), options.priors(names)))
+    said = late_or_lagging(cells, physics, found)
+    assert bool(said) == held
+    assert not held or 'pressure_line_lag (20 ms) looks the same as a force that is logged' in (
+        said[0])
+    assert not late_or_lagging(cells, physics, [])
