@@ -28,7 +28,8 @@ def lookalikes(cells: Cells, physics: Fit, found: Sequence[Change]) -> list[str]
     found : sequence of Change
         Its changes.
     """
-    return [*alike_at_one_rate(cells, found), *late_force(physics, found)]
+    return [*alike_at_one_rate(cells, found), *late_force(physics, found),
+            *alike_at_one_pace(cells, found)]
 
 
 def alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
@@ -85,3 +86,23 @@ def late_or_lagging(cells: Cells, physics: Fit, found: Sequence[Change]) -> list
             'of the strain too' for prior, u in zip(physics.priors, physics.u)
             for owner in [prior.key.partition('.')[0]]
             if cells.data.is_held and owner in new and family(owner) == 'line_lag']
+
+
+def alike_at_one_pace(cells: Cells, found: Sequence[Change]) -> list[str]:
+    """
+    Return a warning if warming up and softening were both found, and may be one of them.
+
+    Both change the bladder, one with time, the other with the strain travelled. Where all tenths
+    of the travel take about the same time (within a factor of e) these are in proportion, and
+    both effects together follow any gradual change of the bladder.
+    """
+    both = {family(change.new): change.new for change in found
+            if change.new and family(change.new) in ('softening', 'temperature')}
+    if len(both) < 2 or cells.data.time is None:
+        return []
+    travel = np.cumsum(np.abs(np.diff(cells.motion.strain, prepend=cells.motion.strain[0])))
+    tenths = np.diff(np.interp(np.linspace(0.0, travel[-1], 11), travel, cells.data.time))
+    if np.log(tenths.max() / tenths.min()) > settings.SPEED_LENGTH:
+        return []
+    return [f'the muscle travels at about one pace, where warming up and softening look alike '
+            f'({", ".join(both.values())}): repeat a part after a pause of some minutes']

@@ -9,7 +9,12 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fitter
-from fam_bundle_ros.discovery.lookalikes import alike_at_one_rate, late_force, late_or_lagging
+from fam_bundle_ros.discovery.lookalikes import (
+    alike_at_one_pace,
+    alike_at_one_rate,
+    late_force,
+    late_or_lagging,
+)
 from fam_bundle_ros.discovery.options import Change, Options
 from fam_bundle_ros.discovery.settings import Choices
 
@@ -87,3 +92,19 @@ def test_at_a_fixed_length_a_lag_of_the_line_may_be_that_of_the_force(paper_musc
     assert not held or 'pressure_line_lag (20 ms) looks the same as a force that is logged' in (
         said[0])
     assert not late_or_lagging(cells, physics, [])
+
+
+@pytest.mark.parametrize(('pause', 'alike'), [(2.0, True), (120.0, False)])
+def test_warming_up_and_softening_are_told_apart_by_a_pause(paper_muscle, pause, alike):
+    """In a pause the muscle warms up or cools down, and travels nowhere."""
+    time, cycles = np.arange(0.0, 20.0, 0.05), 4
+    strain = np.tile(0.08 - 0.08 * np.cos(2.0 * np.pi * time / 10.0), cycles)
+    clock = np.concatenate([time + k * 20.0 + (k > 1) * pause for k in range(cycles)])
+    pressure = np.full((len(strain), 1), 200e3)
+    force = paper_muscle.force(strain, pressure)
+    cells = reduce(paper_muscle, build('cycles', strain, pressure, force, time=clock))
+    found = [Change('', 'softening_gradual'), Change('', 'temperature')]
+    said = alike_at_one_pace(cells, found)
+    assert bool(said) == alike
+    assert not alike or '(softening_gradual, temperature)' in said[0]
+    assert not alike_at_one_pace(cells, found[:1])
