@@ -248,6 +248,18 @@ def test_what_wins_without_one_fold_is_tied_and_averaged(search, monkeypatch):
     assert Posterior.of(made).ties(end_caps, made.best, 2.0 / share) == []
 
 
+@pytest.mark.parametrize(('alone', 'tied'), [
+    (29.0, []), (20.0, [('viscous_damping', 'tendon_slack')])])
+def test_an_effect_ties_only_if_it_does_what_the_other_does(search, alone, tied):
+    """A discrepancy does as well as damping; slack beside it adds nothing and is no rival."""
+    made = search(nothing=0.0, end_caps=alone, end_caps__viscous_damping=30.0,
+                  end_caps__tendon_slack=28.5)
+    chosen, posterior = made.best, Posterior.of(made)
+    ties = posterior.ties([Change('', 'viscous_damping')], chosen, 20.0)
+    assert ties == tied
+    assert posterior.trades(chosen, 20.0, ties) == []
+
+
 @pytest.mark.parametrize(('blind', 'refused'), [(0.9, True), (1.2, False)])
 def test_effects_that_predict_no_better_than_without_the_pressure_are_refused(search, blind,
                                                                               refused):
