@@ -55,6 +55,8 @@ def compare(
                   f'{number(100 * result.relative_error, 2)} % of the force; mean '
                   f'{number(result.bias_N, sign=True)} N, largest {number(result.largest_N)} N')
     check_first(result)
+    if result.history:
+        console.print(escape(result.history), soft_wrap=True)
     console.print(escape(str(result.noise)))
     for name in ('pressure', 'strain', 'direction', 'region', 'motor_unit'):
         rows = result.tables.get(name, [])

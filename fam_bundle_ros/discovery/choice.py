@@ -159,34 +159,39 @@ def predictive(search: Search, chosen: Fit, physics: Fit) -> Fit:
     return min(tried, key=lambda fit: held_out_physics(fitter, fit))
 
 
-def likelier_than_not(search: Search) -> tuple[Fit, list[Change]]:
+def likelier_than_not(search: Search, chosen: Fit, found: list[Change],
+                      ) -> tuple[Fit, list[Change]]:
     """
-    Return the most probable set whose effects each have a probability above one half.
+    Return the most probable set with these changes whose effects each are likelier than not.
 
-    It is used where the residual has structure but no set beats the model as given: if the error
-    is small, a smooth discrepancy is nearly as probable as an effect, though both say that
-    something is missing. One half is the limit of the median probability model (Barbieri and
-    Berger 2004).
-    Similar effects share the probability, so none may reach one half: then return the most
-    probable set, within the odds of the model as given, whose effects explain the structure
-    without a discrepancy.
+    It is used where the chosen set, which may be the model as given, leaves structure, but no
+    further effect has enough evidence: a smooth discrepancy can be nearly as probable as an effect
+    that is small, or that shows at a few speeds only, though both say that something is missing.
+    One half is the limit of the median probability model (Barbieri and Berger 2004).
+    Similar effects share the probability, so none may reach one half: then, if nothing else was
+    found, return the most probable set, within the odds of the chosen one, whose effects explain
+    the structure without a discrepancy.
+
+    Parameters
+    ----------
+    found : list of Change
+        Changes of ``chosen``, most important first; empty for the model as given.
     """
-    fitter, null = search.fitter, search.null
-    if not leaves_structure(search, null, fitter.without_discrepancy(null)):
-        return null, []
-    posterior = Posterior.of(search)
+    fitter = search.fitter
+    if not leaves_structure(search, chosen, fitter.without_discrepancy(chosen)):
+        return chosen, found
+    posterior, changes = Posterior.of(search), search.options.changes
     for fit in posterior.fits:
-        found = search.options.changes(fit.names)
-        if all(posterior.of_label(change.label) > 0.5 for change in found):
-            if found:
-                return fit, found
+        added = [change for change in changes(fit.names) if change not in found]
+        if all(posterior.of_label(change.label) > 0.5 for change in changes(fit.names)):
+            if set(found) < set(changes(fit.names)):
+                return fit, [*found, *added]
             break
-    for fit in _near(search, null.posterior):
-        found = search.options.changes(fit.names)
+    for fit in () if found else _near(search, chosen.posterior):
         alone = fitter.beside_discrepancy(fitter.without_discrepancy(fit), fit.hyper)
-        if found and not leaves_structure(search, alone, alone):
-            return fit, found
-    return null, []
+        if changes(fit.names) and not leaves_structure(search, alone, alone):
+            return fit, changes(fit.names)
+    return chosen, found
 
 
 def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics: Fit,

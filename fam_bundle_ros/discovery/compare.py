@@ -74,6 +74,8 @@ class Comparison(Told):
         Root mean square error in strain, for data at a constant force.
     slips : tuple of str
         Mistakes of unit or sign that would explain the error; check these first.
+    history : str
+        What of the model depends on the time before the log; empty if nothing does.
     """
 
     model: str
@@ -93,6 +95,7 @@ class Comparison(Told):
     residual: np.ndarray
     strain_error: float | None = None
     slips: tuple[str, ...] = ()
+    history: str = ''
 
     def __str__(self) -> str:
         lines = [f'{self.model} against {self.data}: error {self.error_N:.3g} N rms '
@@ -101,7 +104,8 @@ class Comparison(Told):
                  *([] if self.strain_error is None else [
                      f'the force is constant: in strain the error is {self.strain_error:.3g} rms'
                  ]),
-                 *(f'check first: {slip}' for slip in self.slips), str(self.noise)]
+                 *(f'check first: {slip}' for slip in self.slips),
+                 *([self.history] if self.history else []), str(self.noise)]
         for title in ('pressure', 'strain'):
             lines.append(f'by {title}')
             for row in self.tables[title]:
@@ -143,7 +147,7 @@ class Comparison(Told):
                 'noise': self.noise.to_dict(), 'lack_of_fit': self.lack_of_fit,
                 'even_N': self.even_N, 'odd_N': self.odd_N, 'tables': self.tables,
                 'located': [region.to_dict() for region in self.located],
-                'notes': [*self.slips, *self.measurement.notes],
+                'notes': [*self.slips, *filter(None, [self.history]), *self.measurement.notes],
                 'data_sha256': self.measurement.sha256}
 
     def to_json(self) -> str:
@@ -187,7 +191,15 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
         _part(maps['even']), _part(maps['odd']), _tables(data, residual, floor, past_free),
         locate(data, residual, floor.value, past_free), data, prediction, residual,
         None if slope is None else rms(residual / np.maximum(slope, 1e-3 * slope.max())),
-        slips(partial(predict, model), data, residual))
+        slips(partial(predict, model), data, residual), _history(model, data))
+
+
+def _history(model: Bundle, data: Measurement) -> str:
+    """Return in words which effects count from the first row of a log, as if none was before."""
+    found = [effect.name for effect in model.effects if effect.law.across_trials]
+    return '' if data.is_static or not found else (
+        f'{" and ".join(found)} begin{"s" if len(found) == 1 else ""} at the first row: if the '
+        'muscle was used or warm before, compare the earlier files together with this one')
 
 
 def floor_of(data: Measurement, residual: np.ndarray, stiff: np.ndarray | None) -> NoiseFloor:

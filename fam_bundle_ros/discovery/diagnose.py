@@ -36,6 +36,7 @@ from fam_bundle_ros.discovery.estimates import confounding, estimates, with_inte
 from fam_bundle_ros.discovery.fitter import Fit
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, held_out_physics, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
+from fam_bundle_ros.discovery.lookalikes import late_or_lagging
 from fam_bundle_ros.discovery.options import Change, family, Options
 from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.predict import predict, stiffness
@@ -144,7 +145,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         best=best, recalibrated=recalibrated,
         shapes_left=shapes if finding.verdict in ('unexplained', 'partial') else (),
         notes=tuple(dict.fromkeys(
-            (*data.notes, *finding.notes, *doubts,
+            (*data.notes, *finding.notes, *late_or_lagging(cells, final, answer), *doubts,
              *notes_on(cells, comparison.noise, base, final, held)))),
         rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
         held_out=held, recommended=recommended, leftover=leftover,
@@ -221,9 +222,8 @@ class Searched:
         nearest.
         """
         search = self.search
-        chosen, found = best_of_ties(search, *named(search, search.best))
-        if not found:
-            chosen, found = likelier_than_not(search)
+        chosen, found = likelier_than_not(
+            search, *best_of_ties(search, *named(search, search.best)))
         likely = bool(found)
         physics = search.fitter.without_discrepancy(chosen)
         judged = self._judged(*drop_unpredictive(search, chosen, found, physics), likely)

@@ -10,7 +10,7 @@ physical effect. A set has at most one shape of each head.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -20,7 +20,7 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.model import Bundle, catalogue, Effect, Law, Place
+from fam_bundle_ros.model import Bundle, catalogue, Effect, Law, Motion, Place
 
 Names = tuple[str, ...]
 
@@ -196,8 +196,15 @@ class Options:
             moved = self.cells.mean(after - before)
             return float(np.sqrt(np.mean(moved ** 2))) if np.isfinite(moved).all() else 0.0
 
-        return effect_priors(effect, self.model.n, change=change,
-                             size=settings.SIGNED_SIZE * self.cells.force_sd)
+        priors = effect_priors(effect, self.model.n, change=change,
+                               size=settings.SIGNED_SIZE * self.cells.force_sd)
+        if not effect.law.memory or self.cells.data.time is None:
+            return priors
+        # what takes longer than the log is no decay in it, but looks like a static law
+        longest = _longest_memory(self.cells.motion)
+        return [replace(prior, upper=max(prior.value, min(prior.upper, longest)))
+                if effect.parameter(prior.key.partition('.')[2]).unit == 's' else prior
+                for prior in priors]
 
     def bundle(self, names: Iterable[str]) -> Bundle:
         """Return the model with a set of effects; its own effects keep their order."""
@@ -265,6 +272,12 @@ class Options:
     def _other_shapes(self, names: Names, of: Iterable[str]) -> list[Names]:
         return [Change(name, shape).done(names) for name in sorted(of)
                 for shape in self._shapes[head(name)] if shape not in (name, *self.own)]
+
+
+def _longest_memory(motion: Motion) -> float:
+    """Return the longest time over which laws of a model remember in these data, s."""
+    begin = np.append(np.flatnonzero(motion.stepping[1]), len(motion.clock))
+    return float(max(motion.clock[begin[1:] - 1] - motion.clock[begin[:-1]]))
 
 
 def _has_no_parameters(effect: Effect) -> bool:

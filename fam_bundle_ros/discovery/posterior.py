@@ -139,6 +139,24 @@ class Posterior:
         place = [fit.names for fit in self.fits].index(chosen.names)
         return np.flatnonzero(self.log_weights >= self.log_weights[place] - np.log(odds)).tolist()
 
+    def _rivals(self, chosen: Fit, odds: float) -> list[int]:
+        """
+        Return the sets `near` the chosen one that are more probable than what both have in common.
+
+        Where a discrepancy is as probable as an effect of the chosen set, effects without any
+        influence can be beside it, and replace nothing.
+        """
+        own = self.options.changes(chosen.names)
+        log = {fit.names: weight for fit, weight in zip(self.fits, self.log_weights)}
+        found = []
+        for k in self.near(chosen, odds):
+            common = chosen.names
+            for change in own:
+                common = common if change in self._changes[k] else change.undone(common)
+            if self.fits[k].names == common or self.log_weights[k] > log.get(common, -np.inf):
+                found.append(k)
+        return found
+
     @cached_property
     def _changes(self) -> list[list[Change]]:
         return [self.options.changes(fit.names) for fit in self.fits]
@@ -176,9 +194,10 @@ class Posterior:
         """
         groups = []
         labels = {change.label for change in self.options.changes(chosen.names)}
+        near = self._rivals(chosen, odds)
         for change in named:
             others = []
-            for k in self.near(chosen, odds):
+            for k in near:
                 there = {other.label for other in self._changes[k]}
                 if (len(there) == len(labels) and change.label not in there
                         and labels - {change.label} <= there):
@@ -195,7 +214,7 @@ class Posterior:
         from larger ones that contain them.
         """
         own = frozenset(self.options.changes(chosen.names))
-        sets = [frozenset(self._changes[k]) for k in self.near(chosen, odds)]
+        sets = [frozenset(self._changes[k]) for k in self._rivals(chosen, odds)]
         found: list[Trade] = []
         for other in sorted(sets, key=lambda set_: len(own ^ set_)):
             trade = Trade(own - other, other - own)

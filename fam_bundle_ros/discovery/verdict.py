@@ -17,8 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fam_bundle_ros.data.folds import KINDS
-from fam_bundle_ros.data.grouping import pressure_speed, rms
-from fam_bundle_ros.data.measurement import BY_PRESSURE
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.artefacts import Artefact, returning
 from fam_bundle_ros.discovery.cells import Cells, negligible
@@ -26,10 +25,10 @@ from fam_bundle_ros.discovery.covariance import Covariance, GRID
 from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
 from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.linear import log_evidence
+from fam_bundle_ros.discovery.lookalikes import lookalikes
 from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.search import Search
-from fam_bundle_ros.model import catalogue
 
 #: Limit of a plausible shift, in widths of the prior. Geometry beyond it gives a warning; a
 #: constant of a law beyond it gives a refusal if structure is left.
@@ -238,11 +237,14 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     if found and structured and (odd := implausible_constants(physics)):
         refusals = (*refusals, f"{' and '.join(odd.values())}, and structure is left")
     warnings = (*_warnings(physics, held), *_undetermined(held, cells),
-                *_alike_at_one_rate(cells, found)) if found else ()
-    lost = chosen.posterior - null.posterior
-    if found and lost < settings.LEAST_LOSS:
-        warnings = (*warnings, 'a smooth discrepancy in their place is nearly as probable '
-                    f'(odds of {np.exp(lost):.2g} to 1)')
+                *lookalikes(cells, physics, found)) if found else ()
+    lost = {change: chosen.posterior - search.fit(
+        change.undone(chosen.names), chosen.start, chosen.hyper).posterior for change in found}
+    weak = {change: each for change, each in lost.items() if each < settings.LEAST_LOSS}
+    if weak:
+        warnings = (*warnings, 'a smooth discrepancy in place of '
+                    + ' or of '.join(change.label for change in weak) + ' is nearly as probable '
+                    f'(odds of {np.exp(min(weak.values())):.2g} to 1)')
     warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
         if artefacts or structured or likely or after.total > negligible(cells):
@@ -371,29 +373,6 @@ def _undetermined(held: HeldOut, cells: Cells) -> tuple[str, ...]:
     return tuple(f'held-out {KINDS[kind]} are predicted with an error of {error:.3g} N: the data '
                  'do not determine the effects there'
                  for kind, (error, _) in held.kinds.items() if error > limit)
-
-
-def _alike_at_one_rate(cells: Cells, found: Sequence[Change]) -> list[str]:
-    """
-    Return a warning if an effect with memory that was found could be another one.
-
-    Lag, creep and friction give the same hysteresis loop if the pressure of a muscle at rest
-    changes at one rate only: a factor below e between the rates below which a tenth and nine
-    tenths of the changes are made.
-    """
-    laws = catalogue.available()
-    named = [change.label for change in found if change.new in laws and laws[change.new].memory]
-    data = cells.data
-    if not named or data.time is None or not data.is_held:
-        return []
-    filled = data.direction_basis == BY_PRESSURE
-    speed = np.sort(pressure_speed(data)[filled])
-    slow, fast = np.interp((0.1, 0.9), np.cumsum(speed) / max(speed.sum(), 1e-9), speed) / 1e3
-    if slow <= 0.0 or np.log(fast / slow) > settings.SPEED_LENGTH:
-        return []
-    rates = ' to '.join(dict.fromkeys(f'{rate:.3g}' for rate in (slow, fast)))
-    return [f'the pressure changes at {rates} kPa/s only, where lag, creep and friction look '
-            f'alike ({", ".join(named)}): fill and vent at another rate too']
 
 
 def _is_off(prior: Prior, u: float) -> bool:

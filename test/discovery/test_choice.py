@@ -156,10 +156,10 @@ def test_of_what_is_as_probable_as_nothing_the_effect_that_explains_all_alone_is
     for names, log in worth.items():
         fit = search.fit(names)
         search.fits[names] = replace(fit, evidence=log - fit.log_prior)
-    fit, found = likelier_than_not(search)
+    fit, found = likelier_than_not(search, search.null, [])
     assert [change.label for change in found] == ['coulomb_friction']
     del search.fits[fit.names]
-    assert likelier_than_not(search) == (search.null, [])
+    assert likelier_than_not(search, search.null, []) == (search.null, [])
 
 
 @pytest.mark.parametrize(('rise', 'told'), [(0.0, 'coulomb_friction'), (2.0, 'stribeck_friction')])

@@ -184,3 +184,17 @@ def test_pressure_columns_go_to_the_units_that_they_name():
     assert compare(model, swapped).error_N == compare(model, data).error_N
     with pytest.raises(InputError, match='column pressure.left; model unequal has the motor unit'):
         compare(model, replace(data, motor_units=('left', 'mu2')))
+
+
+def test_a_second_log_of_a_bladder_that_softens_is_read_with_the_first(paper_muscle, sweeps):
+    """Alone it is taken for the log of a new bladder; both together are one history."""
+    muscle = paper_muscle.with_effect('softening_lifetime', depth=0.5, travel=0.5)
+    whole = sweeps(muscle, noise=0.01)
+    later = whole.select(whole.time > whole.time.mean())
+    alone = compare(muscle, later)
+    assert alone.error_N > 10.0 * compare(muscle, whole).error_N
+    said = ('softening_lifetime begins at the first row: if the muscle was used or warm before, '
+            'compare the earlier files together with this one')
+    assert said in str(alone)
+    assert said in alone.to_dict()['notes']
+    assert 'first row' not in str(compare(paper_muscle, later))

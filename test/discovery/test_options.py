@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data.measurement import Taken
+from fam_bundle_ros.data.measurement import build, Taken
+from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.options import Change, head, Options, shapes_of, usual
+from fam_bundle_ros.discovery.predict import motion
 from fam_bundle_ros.discovery.search import _ranked, Screened, Search
-from fam_bundle_ros.discovery.settings import (
-    Choices,
-)
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.model import catalogue
 
 
@@ -98,3 +98,24 @@ def test_a_wrong_rest_length_is_offered_where_lengths_were_read(problem, paper_m
         read = replace(cells, data=replace(cells.data, taken=(Taken('x', quantity),)))
         options = Options.of(paper_muscle, read, Choices())
         assert ('strain_rest_length' in options.effects) is offered
+
+
+def test_a_decay_that_takes_longer_than_the_log_is_another_static_law(paper_muscle):
+    """In 20 s relaxation over 300 s is a share of the force since the start: not to be fitted."""
+    time = np.arange(0.0, 20.0, 0.1)
+    pressure = np.interp(time, [2.0, 6.0, 12.0, 15.0], [20e3, 300e3, 300e3, 50e3])
+    clock, fill = np.concatenate([time, time + 60.0]), np.tile(pressure, 2)[:, None]
+    strain = np.repeat([0.05, 0.15], len(time))
+    elastic = paper_muscle.force(strain, fill)
+    data = build('ramps', strain, fill, elastic, np.repeat([0, 1], len(time)), clock)
+    since = elastic - elastic[np.repeat([0, len(time)], len(time))]
+    for tau, static in ((300.0, True), (2.0, False)):
+        arm = paper_muscle.with_effect('viscoelastic_relaxation', share=0.1, time_constant=tau)
+        left = arm.predict(motion(data)) - elastic - 0.1 * since
+        assert (np.std(left) < 0.05 * np.std(0.1 * since)) == static
+    options = Options.of(paper_muscle, reduce(paper_muscle, data), Choices())
+    assert {prior.key: round(prior.upper, 6) for prior in options.priors((
+        'viscoelastic_relaxation', 'pressure_creep', 'pressure_line_lag'))
+        if prior.key.endswith('time_constant')} == {
+        'viscoelastic_relaxation.time_constant': 19.9, 'pressure_creep.time_constant': 19.9,
+        'pressure_line_lag.time_constant': 2.0}

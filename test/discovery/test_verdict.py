@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery import choice
 from fam_bundle_ros.discovery import verdict as verdicts
 from fam_bundle_ros.discovery.artefacts import Artefact
@@ -21,7 +20,6 @@ from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.settings import Choices, LEAST_LOSS
 from fam_bundle_ros.discovery.verdict import (
-    _alike_at_one_rate,
     _effect_of_pressure,
     _explained,
     _refusals,
@@ -250,6 +248,18 @@ def test_what_wins_without_one_fold_is_tied_and_averaged(search, monkeypatch):
     assert Posterior.of(made).ties(end_caps, made.best, 2.0 / share) == []
 
 
+@pytest.mark.parametrize(('alone', 'tied'), [
+    (29.0, []), (20.0, [('viscous_damping', 'tendon_slack')])])
+def test_an_effect_ties_only_if_it_does_what_the_other_does(search, alone, tied):
+    """A discrepancy does as well as damping; slack beside it adds nothing and is no rival."""
+    made = search(nothing=0.0, end_caps=alone, end_caps__viscous_damping=30.0,
+                  end_caps__tendon_slack=28.5)
+    chosen, posterior = made.best, Posterior.of(made)
+    ties = posterior.ties([Change('', 'viscous_damping')], chosen, 20.0)
+    assert ties == tied
+    assert posterior.trades(chosen, 20.0, ties) == []
+
+
 @pytest.mark.parametrize(('blind', 'refused'), [(0.9, True), (1.2, False)])
 def test_effects_that_predict_no_better_than_without_the_pressure_are_refused(search, blind,
                                                                               refused):
@@ -269,7 +279,23 @@ def test_an_effect_likelier_than_not_is_named_where_something_must_be(search, mo
     made = search(nothing=0.0, coulomb_friction=1.5, coulomb_friction__end_caps=0.5,
                   end_caps=-2.0)
     monkeypatch.setattr(choice, 'leaves_structure', lambda *given: structured)
-    assert [str(change) for change in choice.likelier_than_not(made)[1]] == names
+    assert [str(change) for change in choice.likelier_than_not(made, made.null, [])[1]] == names
+
+
+@pytest.mark.parametrize(('structured', 'names'), [
+    (True, ['end_caps', 'viscous_damping']), (False, ['end_caps'])])
+def test_beside_what_has_evidence_an_effect_likelier_than_not_is_named_with_a_doubt(
+        search, monkeypatch, structured, names):
+    """As damping at three speeds, which a smooth function of the speed follows as well."""
+    made = search(nothing=0.0, end_caps=30.0, end_caps__viscous_damping=31.5,
+                  viscous_damping=1.0, coulomb_friction__end_caps=29.0)
+    alone = next(fit for fit in made.fits.values() if fit.posterior == 30.0)
+    monkeypatch.setattr(choice, 'leaves_structure', lambda *given: structured)
+    fit, found = choice.likelier_than_not(made, alone, [Change('', 'end_caps')])
+    assert [str(change) for change in found] == names
+    said = judge(made, made.null, fit, fit, found, GOOD, (), True).warnings
+    doubt = 'a smooth discrepancy in place of viscous_damping is nearly as probable (odds of 4.5 '
+    assert any(words.startswith(doubt) for words in said) == structured
 
 
 @pytest.mark.parametrize(('structured', 'kept'), [(True, []), (False, ['coulomb_friction'])])
@@ -392,33 +418,6 @@ def test_no_more_is_shown_than_the_doubts_allow(verdict, doubt, named, told):
     finding = verdicts.Finding(verdict, verdicts.Left(1.0, 0.0), **doubt)
     assert verdicts.shown_probability(finding, 0.99, named) == told
     assert verdicts.shown_probability(finding, 0.3, named) == 0.3
-
-
-@pytest.mark.parametrize(('rates', 'alike'), [((1.0, 1.0), True), ((1.0, 4.0), False)])
-def test_memory_found_at_one_rate_of_the_pressure_is_doubtful(paper_muscle, rates, alike):
-    """Filled and vented at fixed lengths; a second rate tells lag, creep and friction apart."""
-    ways = [np.concatenate([np.linspace(0.0, 4e5, int(100 / rate)),
-                            np.linspace(4e5, 0.0, int(100 / rate))]) for rate in rates] * 3
-    pressure, trial = np.concatenate(ways), np.repeat(np.arange(6), [len(way) for way in ways])
-    strain, time = 0.02 * (trial // 2), 0.1 * np.arange(len(trial))
-    force = 1e-4 * pressure + np.random.default_rng(0).normal(0.0, 0.3, len(trial))
-    cells = reduce(paper_muscle, build('fill', strain, pressure, force, trial, time))
-    said = _alike_at_one_rate(cells, [Change('', 'pressure_creep'), Change('', 'end_caps')])
-    assert bool(said) == alike
-    assert not alike or 'changes at 40.4 kPa/s only' in said[0]
-    assert not alike or '(pressure_creep)' in said[0]
-    assert not _alike_at_one_rate(cells, [Change('', 'end_caps')])
-
-
-def test_a_valve_that_is_opened_wide_is_another_rate_though_it_takes_few_rows(paper_muscle):
-    """A fifth of the way of the pressure in a fiftieth of the time."""
-    ramp, step = np.linspace(0.0, 3e5, 400), np.linspace(0.0, 3e5, 8)
-    pressure = np.tile(np.concatenate([ramp, ramp[::-1], step, step[::-1]]), 4)
-    trial = np.repeat(np.arange(4), len(pressure) // 4)
-    force = 1e-4 * pressure + np.random.default_rng(0).normal(0.0, 0.3, len(trial))
-    cells = reduce(paper_muscle, build('steps', 0.02 * trial, pressure, force, trial,
-                                       0.02 * np.arange(len(trial))))
-    assert not _alike_at_one_rate(cells, [Change('', 'pressure_creep')])
 
 
 def test_effects_that_fit_some_cells_at_the_expense_of_most_rows_are_refused(search):
