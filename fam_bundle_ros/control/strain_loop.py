@@ -99,15 +99,16 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             lag = command_lag(settings, dt) + dt + RATE_LAG
             quick = max(stiffness / (_LAGS * lag), integral)
             due = rate
-            found = settings.load_known or state.load.known
-            if not found:
+            if not settings.load_known and not state.load.known:
                 # The holding force is unknown, the load may rest on a stop: search for it.
                 due += integral / max(stiffness, settings.stiffnesses[0]) * error
             integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
             unwind(state, error, excess, saturated)
             left = error
-            if settings.feed_forward and found and rate == 0.0:
-                # After a step, or a change of load, the muscles' stiffness returns the strain.
+            if settings.feed_forward and rate == 0.0 and (settings.load_known or (
+                    state.load.known and abs(error) > settings.strain_reach)):
+                # After a step, or a change of load, the muscles' stiffness returns the strain. A
+                # load that was not told needs the integral for small errors.
                 left = error_left(error, _LAGS * lag * measurement.strain_rate)
             integrate_error(state, integral * left * dt, saturated)
             # At a reversal of the reference, compensate for the change of friction.
