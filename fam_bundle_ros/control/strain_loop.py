@@ -105,10 +105,9 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
             unwind(state, error, excess, saturated)
             left = error
-            if settings.feed_forward and rate == 0.0 and (settings.load_known or (
-                    state.load.known and abs(error) > settings.strain_reach)):
-                # After a step, or a change of load, the muscles' stiffness returns the strain. A
-                # load that was not told needs the integral for small errors.
+            if (settings.feed_forward and (settings.load_known or state.load.known)
+                    and rate == 0.0 and abs(error) > settings.strain_reach):
+                # On the way to a step of the reference, which pressures do not reach at once.
                 left = error_left(error, _LAGS * lag * measurement.strain_rate)
             integrate_error(state, integral * left * dt, saturated)
             # At a reversal of the reference, compensate for the change of friction.

@@ -353,7 +353,7 @@ def test_what_the_strain_makes_up_itself_after_a_step_is_not_integrated(
         paper_bundle, rate, speed, share):
     """The rest is, so that the strain does not overshoot by what the integral has wound up."""
     loop = Loop(paper_bundle, LoadModel(damping=5.0), delay=5e-3, lead_time=5e-3 - HOLD,
-                reading_share=0.0)
+                reading_share=0.0, strain_reach=0.01)
     error, pressures = -2.0 * 2.0 * 0.2 * (5e-3 + 5e-3 + DT + RATE_LAG) / 0.8, [150e3, 0.0]
     usual = at_stiffness(loop.settings, loop.settings.strain_integral,
                          present_stiffness(loop.settings, pressures))
