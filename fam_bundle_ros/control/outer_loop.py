@@ -289,7 +289,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
         known, correction = force_loop(settings, state, force, value, rate, saturated, before,
                                        slowest, coming, dt)
     else:
-        known, correction = strain_loop(settings, state, measurement, value, rate, saturated, dt)
+        known, correction = strain_loop(settings, state, measurement, value, rate, saturated,
+                                        state.demand - asked, dt)
     held = state.demand
     if state.taking_over:
         state.taking_over = False

@@ -14,7 +14,7 @@ from fam_bundle_ros.control.friction import turn_round
 from fam_bundle_ros.control.load_estimate import learn_load, load_law
 from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, quick_of
 from fam_bundle_ros.control.outer import command_lag, LoadModel, OuterConfig
-from fam_bundle_ros.control.saturation import integrate_error
+from fam_bundle_ros.control.saturation import integrate_error, unwind
 from fam_bundle_ros.control.strain_gains import RATE_LAG, strain_gains, StrainGains
 
 #: s: design sample time of the strain loop.
@@ -50,7 +50,7 @@ def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float,
 
 
 def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate: float,
-                saturated: int, dt: float) -> tuple[float, float]:
+                saturated: int, excess: float, dt: float) -> tuple[float, float]:
     """
     Return feed-forward and correction of the strain loop, N; set the target strain and its rate.
 
@@ -63,8 +63,8 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
     measurement : record with force (N), strain, strain_rate (1/s), pressure (n,) (Pa)
     value, rate : float, and 1/s
         Strain reference and its rate.
-    saturated : int
-        Saturation of the last command.
+    saturated, excess : int, float
+        Saturation of the last command; last demand minus the force of these pressures, N.
     dt : float, s
     """
     known, correction = 0.0, 0.0
@@ -103,8 +103,13 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
                 # The holding force is unknown, the load may rest on a stop: search for it.
                 due += integral / max(stiffness, settings.stiffnesses[0]) * error
             integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
-        integrate_error(state, integral * error * dt, saturated)
-        if integral > 0.0:
+            unwind(state, error, excess, saturated)
+            left = error
+            if (settings.feed_forward and (settings.load_known or state.load.known)
+                    and rate == 0.0 and abs(error) > settings.strain_reach):
+                # On the way to a step of the reference, which pressures do not reach at once.
+                left = error_left(error, _LAGS * lag * measurement.strain_rate)
+            integrate_error(state, integral * left * dt, saturated)
             # At a reversal of the reference, compensate for the change of friction.
             state.integral -= turn_round(state.friction, rate, quick_of(state.observer), state.lag,
                                          dt)
@@ -141,6 +146,22 @@ def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate
     if not known:
         state.integral -= load.forces[2]
     return load.offset + load_law(load, ahead, rate, state.bend)
+
+
+def error_left(error: float, coming: float) -> float:
+    """
+    Return what is left of an error that the strain reduces by ``coming`` before a response.
+
+    An integral of the rest does not overshoot after a step of the reference.
+
+    Examples
+    --------
+    >>> error_left(0.05, 0.03), error_left(0.05, 0.06), error_left(0.05, -0.03)
+    (0.02, 0.0, 0.05)
+    """
+    if error > 0.0:
+        return max(error - max(coming, 0.0), 0.0)
+    return min(error - min(coming, 0.0), 0.0)
 
 
 def next_aim(last: float, ahead: float, strain: float, reach: float) -> float:

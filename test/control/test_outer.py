@@ -342,6 +342,45 @@ def test_the_force_that_moves_a_load_not_told_is_searched_for_quickly(paper_bund
         usual + quick * (asked - usual))
 
 
+@pytest.mark.parametrize(('rate', 'speed', 'share'), [
+    (0.0, 0.0, 1.0),    # the strain rests
+    (0.0, -0.2, 0.6),   # it makes up 0.008 of 0.02 before a response
+    (0.0, -1.0, 0.0),   # it makes up all
+    (0.0, 0.2, 1.0),    # it goes the other way
+    (-0.2, -0.2, 1.0),  # it follows a reference that moves
+])
+def test_what_the_strain_makes_up_itself_after_a_step_is_not_integrated(
+        paper_bundle, rate, speed, share):
+    """The rest is, so that the strain does not overshoot by what the integral has wound up."""
+    loop = Loop(paper_bundle, LoadModel(damping=5.0), delay=5e-3, lead_time=5e-3 - HOLD,
+                reading_share=0.0, strain_reach=0.01)
+    error, pressures = -2.0 * 2.0 * 0.2 * (5e-3 + 5e-3 + DT + RATE_LAG) / 0.8, [150e3, 0.0]
+    usual = at_stiffness(loop.settings, loop.settings.strain_integral,
+                         present_stiffness(loop.settings, pressures))
+    for wanted, slope in ((0.1, 0.0), (0.1 + error, rate)):
+        held = loop.state.integral
+        outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,
+                   10.0, 4.0, STRAIN, wanted, slope, FREE, 0.0, 0.0, 0.0, DT)
+    assert (loop.state.integral - held) / (error * DT) == pytest.approx(share * usual)
+
+
+@pytest.mark.parametrize(('saturated', 'way'), [(HIGH, 1.0), (LOW, -1.0)])
+def test_a_strain_that_turns_back_is_met_from_the_limit_of_the_force(
+        paper_bundle, saturated, way):
+    """An integral beyond what the pressures give is not unwound first, nor while it is needed."""
+    loop = Loop(paper_bundle, LoadModel(force=30.0), strain_integral=2000.0)
+    begun = loop.run(0.1, force=30.0, believed=30.0, kind=STRAIN).force
+    wound = loop.run(0.1 + way * 0.01, force=30.0, believed=30.0, kind=STRAIN,
+                     duration=2.0).force - begun
+    assert way * wound > 35.0
+    limit = {'asked': begun + 0.5 * wound, 'saturated': saturated, 'kind': STRAIN,
+             'force': 30.0, 'believed': 30.0}
+    kept = loop.run(0.1 + way * 0.01, **limit).force - begun
+    assert kept == pytest.approx(wound, abs=0.1)
+    left = loop.run(0.1 - way * 0.001, **limit).force - begun
+    assert left == pytest.approx(0.5 * wound, abs=1.0)
+
+
 def test_an_integral_that_is_off_stays_off_where_friction_holds(paper_bundle):
     """A user who asks for no integral gets none."""
     loop = Loop(paper_bundle, strain_integral=0.0)
