@@ -156,8 +156,8 @@ def error_left(error: float, coming: float) -> float:
 
     Examples
     --------
-    >>> error_left(0.05, 0.03), error_left(0.05, 0.06), error_left(0.05, -0.03)
-    (0.02, 0.0, 0.05)
+    >>> [round(error_left(0.05, coming), 3) for coming in (0.03, 0.06, -0.03)]
+    [0.02, 0.0, 0.05]
     """
     if error > 0.0:
         return max(error - max(coming, 0.0), 0.0)
