@@ -71,6 +71,7 @@ def test_what_active_units_cannot_give_together_is_missing(bundles):
 
 def test_steps_are_followed_nearly_as_soon_as_with_one_equal_pressure_with_less_air():
     """Six units; filling in turn they are 1.27 times as late (rms)."""
+    # those that `fam_bundle benchmark-control` finds for this plant
     gains = BaselineConfig(force_gain=1.56, force_integral=51.9, filter_time=0.02)
     trajectory, late, air = make_trajectory('steps', model_of('nominal', 6)), [], []
     for name in ('reversal_aware', 'equal_pressure'):
