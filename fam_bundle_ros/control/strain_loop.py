@@ -105,8 +105,7 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
             unwind(state, error, excess, saturated)
             left = error
-            if (settings.feed_forward and (settings.load_known or state.load.known)
-                    and rate == 0.0 and abs(error) > settings.strain_reach):
+            if settings.feed_forward and rate == 0.0 and abs(error) > settings.strain_reach:
                 # On the way to a step of the reference, which pressures do not reach at once.
                 left = error_left(error, _LAGS * lag * measurement.strain_rate)
             integrate_error(state, integral * left * dt, saturated)

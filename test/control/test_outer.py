@@ -290,6 +290,14 @@ def test_a_load_that_drives_the_strain_away_meets_the_stiffness_of_the_muscles(p
     assert loop.run(0.05, kind=STRAIN, strain=0.1).strain == pytest.approx(0.07)
 
 
+def test_a_strain_reference_after_a_force_begins_at_the_present_strain(paper_bundle):
+    """Not where the strain reference before it has ended."""
+    loop = Loop(paper_bundle, strain_reach=0.03)
+    loop.run(0.2, kind=STRAIN, strain=0.2)
+    loop.run(40.0, strain=0.05)
+    assert loop.run(0.25, kind=STRAIN, strain=0.05).strain == pytest.approx(0.08)
+
+
 def test_a_strain_loop_without_a_load_takes_over_the_demand(paper_bundle):
     """What held the load before is where the integral begins."""
     loop = Loop(paper_bundle)
@@ -342,18 +350,21 @@ def test_the_force_that_moves_a_load_not_told_is_searched_for_quickly(paper_bund
         usual + quick * (asked - usual))
 
 
-@pytest.mark.parametrize(('rate', 'speed', 'share'), [
-    (0.0, 0.0, 1.0),    # the strain rests
-    (0.0, -0.2, 0.6),   # it makes up 0.008 of 0.02 before a response
-    (0.0, -1.0, 0.0),   # it makes up all
-    (0.0, 0.2, 1.0),    # it goes the other way
-    (-0.2, -0.2, 1.0),  # it follows a reference that moves
+@pytest.mark.parametrize(('rate', 'speed', 'share', 'config'), [
+    (0.0, 0.0, 1.0, {}),    # the strain rests
+    (0.0, -0.2, 0.6, {}),   # it makes up 0.008 of 0.02 before a response
+    (0.0, -1.0, 0.0, {}),   # it makes up all
+    (0.0, 0.2, 1.0, {}),    # it goes the other way
+    (-0.2, -0.2, 1.0, {}),  # it follows a reference that moves
+    (0.0, -1.0, 1.0, {'strain_reach': 0.03}),   # it is near its reference
+    (0.0, -1.0, 1.0, {'feed_forward': False}),  # it moves by the integral alone
 ])
 def test_what_the_strain_makes_up_itself_after_a_step_is_not_integrated(
-        paper_bundle, rate, speed, share):
+        paper_bundle, rate, speed, share, config):
     """The rest is, so that the strain does not overshoot by what the integral has wound up."""
-    loop = Loop(paper_bundle, LoadModel(damping=5.0), delay=5e-3, lead_time=5e-3 - HOLD,
-                reading_share=0.0, strain_reach=0.01)
+    loop = Loop(paper_bundle, LoadModel(damping=5.0), **{
+        'delay': 5e-3, 'lead_time': 5e-3 - HOLD, 'reading_share': 0.0, 'strain_reach': 0.01,
+        **config})
     error, pressures = -2.0 * 2.0 * 0.2 * (5e-3 + 5e-3 + DT + RATE_LAG) / 0.8, [150e3, 0.0]
     usual = at_stiffness(loop.settings, loop.settings.strain_integral,
                          present_stiffness(loop.settings, pressures))

@@ -47,7 +47,7 @@ def test_a_valve_that_is_opened_wide_is_another_rate_though_it_takes_few_rows(pa
 
 
 @pytest.mark.parametrize(('late', 'line', 'told'), [
-    (0.02, 0.0, True), (0.02, 0.04, False), (0.0, 0.02, False)])
+    (0.02, 0.0, True), (0.02, 0.04, False), (0.0, 0.02, False), (-5e-4, 5e-4, False)])
 def test_a_force_that_is_logged_late_is_no_lag_of_the_line(paper_muscle, late, line, told):
     """It lags behind the strain as behind the pressure; a line is behind the pressure alone."""
     time = np.arange(0.0, 20.0, 0.01)

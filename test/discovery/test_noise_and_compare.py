@@ -198,3 +198,5 @@ def test_a_second_log_of_a_bladder_that_softens_is_read_with_the_first(paper_mus
     assert said in str(alone)
     assert said in alone.to_dict()['notes']
     assert 'first row' not in str(compare(paper_muscle, later))
+    in_no_time = build('map', later.strain, later.pressure, later.force)
+    assert 'first row' not in str(compare(muscle, in_no_time))
