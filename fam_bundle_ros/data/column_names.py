@@ -88,6 +88,8 @@ _RELATIVE = re.compile(r'(?<![^\W_])(m?bar|psi|[kmh]?pa)(\s*[\])])?\s*\((g|a|abs
                        re.IGNORECASE)
 #: What ControlDesk puts around a name: 'Model Root/Force/Out1'.
 _DSPACE = re.compile(r'^.*\bModel Root/|(?<=\w)/(Out|In)\d*$')
+#: The field of sensor_msgs/FluidPressure, which is in Pa.
+_FIELD = re.compile(r'(^|[/.])fluid_pressure$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:[(\[][^()\[\]]*[)\]][^\[\](){}<>]*)?)[\])}>]')
 
 
@@ -171,6 +173,8 @@ def recognise(header: str, unit_text: str = '') -> Match:
     best = Match('')
     if header.startswith('/'):
         return _of_topic(header, unit_text)
+    if _FIELD.search(header) and not unit_text:
+        return _of_topic(header.replace('.', '/'), '')
     for name, unit in _splits(_GAUGE_WORD.sub('', header), unit_text):
         found = _named(name)._replace(absolute=absolute_of(header))
         if not found.quantity:

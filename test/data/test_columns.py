@@ -377,11 +377,12 @@ def test_signs_do_not_depend_on_where_zero_is(log):
                                        ) == pytest.approx(found)
 
 
-def test_the_pressure_of_a_ros_message_is_absolute(log):
-    """`fluid_pressure`, as tools export sensor_msgs/FluidPressure."""
+@pytest.mark.parametrize('name', ['/mu1/pressure/fluid_pressure [Pa]', 'fluid_pressure [Pa]',
+                                  'fluid_pressure', 'mu1.pressure.fluid_pressure'])
+def test_the_pressure_of_a_ros_message_is_absolute(log, name):
+    """`fluid_pressure`, as tools export sensor_msgs/FluidPressure: Pa where no unit is given."""
     _, _, pressure, _ = log
-    data = read_measurement(table(log, pressure=('/mu1/pressure/fluid_pressure [Pa]',
-                                                 pressure + 101325.0)))
+    data = read_measurement(table(log, pressure=(name, pressure + 101325.0)))
     np.testing.assert_allclose(data.pressure[:, 0], pressure, atol=1.0)
 
 

@@ -308,3 +308,15 @@ def test_the_names_of_trials_may_tell_the_pressure(trials, name):
     table['series'] = np.where(pressure > 3e5, 'last', table['series'])
     with pytest.raises(InputError, match="'pressure' is missing"):
         read_measurement(table, columns=told)
+
+
+@pytest.mark.parametrize('name', ['{:g} bar', '{:g}bar', 'p = {:g} bar'])
+def test_the_names_of_trials_in_a_csv_may_tell_the_pressure(trials, tmp_path, name):
+    """A name that is a number with a unit is read as such; it is the pressure all the same."""
+    path = tmp_path / 'tidy.csv'
+    path.write_text('\n'.join(['strain,force [N],series', *(
+        f'{e:.7f},{f:.4f},{name.format(p / 1e5)}'
+        for trial in trials for e, p, f in zip(*trial[1:]))]) + '\n')
+    data = read_measurement(path)
+    same(data, trials)
+    assert len(data.trial_names) == 3

@@ -252,11 +252,14 @@ def _levels(table: Table) -> Table | None:
 def _by_trials(table: Table) -> Table | None:
     """Return a table with the pressure that only the names of its trials tell; None for others."""
     known = table.quantities
-    trials = [header for header, quantity in known.items()
-              if quantity == 'trial' and is_text(table.columns[header])]
+    trials = [header for header, quantity in known.items() if quantity == 'trial']
     if 'pressure' in known.values() or len(trials) != 1:
         return None
-    names = [cell_text(cell) for cell in table.columns[trials[0]]]
+    cells, unit = table.columns[trials[0]], table.units.get(trials[0], '')
+    if not (is_text(cells) or unit):
+        return None
+    # '3 bar' in each cell of a text file was read as a number with a unit
+    names = [cell_text(cell) if is_text(cells) else f'{cell:g} {unit}' for cell in cells]
     levels = {name: _level(name) for name in set(names)}
     found = {name: level for name, level in levels.items() if level and (
         level.quantity == 'pressure')}
