@@ -57,7 +57,8 @@ class Driver(Node):
 
     def on_valve(self, i, message):
         """Take a command, with the time from which it counts."""
-        if len(message.effort) == 1 and -1.0 <= message.effort[0] <= 1.0:
+        ours = message.name == [f'mu{i + 1}_valve'] and len(message.effort) == 1
+        if ours and -1.0 <= message.effort[0] <= 1.0:
             stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
             age = (self.get_clock().now().nanoseconds - stamp) * 1e-9
             # A stamp of the future (another clock) counts from now.

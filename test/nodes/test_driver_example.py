@@ -148,14 +148,14 @@ def test_without_supply_enable_the_supply_is_cut_and_dumped(loop, enable):
     loop.filled()
 
 
-@pytest.mark.parametrize('value', [math.nan, 7.0])
-def test_impossible_command_is_none(graph, loop, value):
-    """A command that is no number from -1 to 1 counts as silence."""
+@pytest.mark.parametrize(('value', 'unit'), [(math.nan, 1), (7.0, 1), (0.5, 2)])
+def test_impossible_command_is_none(graph, loop, value, unit):
+    """A command that is no number from -1 to 1, or for another joint, counts as silence."""
     publisher = graph.probe.create_publisher(JointState, 'mu1/valve_command', 10)
     loop.filled()
     loop.valve = None
     timer = graph.probe.every(0.01, lambda: publisher.publish(
-        interface.valve_message(graph.probe.now_ns(), 1, value)))
+        interface.valve_message(graph.probe.now_ns(), unit, value)))
     loop.vented()
     timer.cancel()
 
