@@ -21,27 +21,39 @@ from fam_bundle_ros.nodes.base import LATENCY, LISTENER, MODEL
 from fam_bundle_ros.nodes.parameters import Spec
 
 _SWITCHING, _OUTER, _BASELINE = SwitchingConfig(), OuterConfig(), BaselineConfig()
-#: Fields of the schemes without a model that are parameters: name, unit, largest value.
+#: Fields of the schemes without a model that are parameters: name, meaning, largest value.
 _BASELINE_FIELDS = (
-    ('force_gain', '1', 100.0), ('force_integral', '1/s', 1e4), ('strain_gain', '1', 100.0),
-    ('strain_integral', '1/s', 1e4), ('filter_time', 's', 10.0), ('dwell', 's', 60.0))
-#: Fields of the outer loop that are parameters: name, unit, largest value.
+    ('force_gain', 'gain on the force error, relative to the range of the force', 100.0),
+    ('force_integral', 'gain on its integral, 1/s', 1e4),
+    ('strain_gain', 'gain on the strain error, relative to a strain of 0.2', 100.0),
+    ('strain_integral', 'gain on its integral, 1/s', 1e4),
+    ('filter_time', 'low-pass filter of the reading, s', 10.0),
+    ('dwell', 'shortest time between two switches of threshold, s', 60.0))
+#: Fields of the outer loop that are parameters: name, meaning, largest value.
 _OUTER_FIELDS = (
-    ('delay', 's', 0.5), ('reading_share', '1', 1.0), ('bias_time', 's', 1e3),
-    ('force_gain', 'N/N', 10.0),
-    ('force_integral', '1/s', 1e3),
-    ('strain_gain', 'N', 1e6), ('strain_integral', 'N/s', 1e7), ('strain_damping', 'N s', 1e5),
-    ('still', 'N', 1e3), ('filter_time', 's', 10.0), ('fade_time', 's', 10.0))
-_LOAD_FIELDS = (('force', 'N at zero strain'), ('stiffness', 'N per strain'),
-                ('inertia', 'N s^2'), ('damping', 'N s'))
+    ('delay', 'dead time from a change of force to the pressures that respond to it, s', 0.5),
+    ('reading_share', 'share of outer.delay in the readings; the rest is in the commands', 1.0),
+    ('bias_time', 'time constant of the fastest estimate of the force that the model omits, s',
+     1e3),
+    ('force_gain', 'gain on the force error, N/N', 10.0),
+    ('force_integral', 'gain on the integral of the force error without feed-forward, 1/s', 1e3),
+    ('strain_gain', 'gain on the strain error, N', 1e6),
+    ('strain_integral', 'gain on the integral of the strain error, N/s', 1e7),
+    ('strain_damping', 'gain on the error of the strain rate, N s', 1e5),
+    ('still', 'smallest change of the correction of a strain error, N', 1e3),
+    ('filter_time', 'low-pass filter of the force reading, s', 10.0),
+    ('fade_time', 'decay time of the force at `enable`, for a start without a jump, s', 10.0))
+#: Parameters of the load: name, meaning.
+_LOAD_FIELDS = (('force', 'force at zero strain, N'), ('stiffness', 'stiffness, N per strain'),
+                ('inertia', 'force per strain acceleration, N s^2'),
+                ('damping', 'force per strain rate, N s'))
 
 
-def _outer_spec(name: str, unit: str, high: float) -> Spec:
+def _outer_spec(name: str, text: str, high: float) -> Spec:
     default = getattr(_OUTER, name)
     if default is None:
-        return Spec(f'outer.{name}', -1.0, f'of the outer loop, {unit}; -1: computed', -1.0,
-                    high, dynamic=True)
-    return Spec(f'outer.{name}', default, f'of the outer loop, {unit}',
+        return Spec(f'outer.{name}', -1.0, f'{text}; -1: computed', -1.0, high, dynamic=True)
+    return Spec(f'outer.{name}', default, text,
                 1e-4 if name.endswith('time') else 0.0, high, dynamic=True,
                 # The gains of the strain loop follow from it.
                 at_rest=name == 'delay')
@@ -69,13 +81,13 @@ SPECS = (
          'no gain explains, s', 0.01, 1e3, dynamic=True),
     Spec('adaptation_file', '', 'model file that adaptation/save writes; by default the name of '
          'the model with _adapted, in the working directory'),
-    *(_outer_spec(name, unit, high) for name, unit, high in _OUTER_FIELDS),
-    *(Spec(f'baseline.{name}', getattr(_BASELINE, name), 'of the schemes equal_pressure and '
-           f'threshold, {unit}', 0.0, high, dynamic=True)
-      for name, unit, high in _BASELINE_FIELDS),
-    *(Spec(f'load_model.{name}', 0.0, f'of the load, for strain references, {unit}; '
-           'all 0: the load is identified as it moves', 0.0, 1e6,
-           dynamic=True, at_rest=name != 'force') for name, unit in _LOAD_FIELDS),
+    *(_outer_spec(*entry) for entry in _OUTER_FIELDS),
+    *(Spec(f'baseline.{name}', getattr(_BASELINE, name),
+           f'schemes equal_pressure and threshold: {text}', 0.0, high, dynamic=True)
+      for name, text, high in _BASELINE_FIELDS),
+    *(Spec(f'load_model.{name}', 0.0, f'load of a strain reference: {text}; all load_model.* 0: '
+           'identified as it moves', 0.0, 1e6,
+           dynamic=True, at_rest=name != 'force') for name, text in _LOAD_FIELDS),
     Spec('reference_timeout', 0.0, 'vent and delete the reference when it is older, s; 0 for '
          'never', 0.0, 3600.0, dynamic=True, guards=True, zero_is_off=True),
     Spec('ramp_down_time', 0.5, 'duration of the pressure ramp when switching off, s', 0.0, 60.0,
