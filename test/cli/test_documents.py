@@ -57,15 +57,24 @@ def test_every_command_that_a_document_names_exists_with_its_options(repository,
                 assert word.split('=')[0] in known | {'--ros-args'}, f'fam_bundle {name} {word}'
 
 
+def anchors(text):
+    """Return the anchors of a page's headings, as GitHub and the site make them."""
+    headings = re.findall(r'^#+ (.*)$', re.sub(r'```.*?```', '', text, flags=re.S), re.M)
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
+
+
 @pytest.mark.parametrize('document', DOCUMENTS)
 def test_every_link_of_a_document_leads_somewhere(repository, document):
-    """Pages and pictures that it links to are there."""
+    """Pages and pictures that it links to are there, and so are the headings."""
     page = repository / document
     text = page.read_text()
     links = re.findall(r'\]\(([^)\s]+)\)', text) + re.findall(r'(?:srcset|src)="([^"]+)"', text)
     for link in links:
-        if '://' not in link and not link.startswith('#'):
-            assert (page.parent / link.split('#')[0]).exists(), link
+        if '://' not in link:
+            path, _, anchor = link.partition('#')
+            target = page.parent / path if path else page
+            assert target.exists(), link
+            assert not anchor or anchor in anchors(target.read_text()), link
 
 
 @pytest.mark.parametrize('document', DOCUMENTS)
