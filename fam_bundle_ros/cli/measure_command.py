@@ -26,6 +26,7 @@ from fam_bundle_ros.cli.common import (
     wrote,
 )
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.told import counted
 
 #: Largest number of segments that are listed; of more, the first ones and the last.
 _LISTED = 20
@@ -111,7 +112,7 @@ def _announce(plan: Any, done: frozenset[int], rig: bool) -> dict[str, Any]:
         for segment, begin in zip(todo, begins)]
     if len(rows) > _LISTED:
         rows = [*rows[:_LISTED - 1], ('...', '', ''), rows[-1]]
-    console.print(f'[bold]{escape(plan.name)}[/bold]: {len(planned)} segments'
+    console.print(f'[bold]{escape(plan.name)}[/bold]: {counted(len(planned), "segment")}'
                   + (f', {len(done)} of them done' if done else '') + f', {minutes(left)}'
                   + ('' if rig else ' (a simulated rig takes less)'), soft_wrap=True)
     table(('segment', 'from', 'what'), rows)

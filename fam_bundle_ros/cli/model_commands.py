@@ -40,7 +40,7 @@ def draw_map(
     out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='The page to write.'
                                       )] = Path('map.html'),
     model_option: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help=
-                                                     'MODEL, as other commands take it.')] = None,
+                                                     'The same as the argument MODEL.')] = None,
     tendon: Annotated[str | None, typer.Option(metavar='LENGTH', help='Also compare fixed ends '
                                                'with tendons of this length in the same packaging '
                                                'length: "20 mm".')] = None,
@@ -110,7 +110,9 @@ def effects(
     else:
         table(('effect', 'acts on', 'what it is'),
               [(effect_name(item.name), item.place.value, item.summary) for item in items])
-        console.print('[dim]fam_bundle effects NAME shows one with its parameters[/dim]')
+        own = f' --model {model}' if model is not None else ''
+        console.print(f'fam_bundle effects NAME{own} shows one with its parameters', style='dim',
+                      markup=False, soft_wrap=True)
     save_json(json_file, {'effects': [_entry(item) for item in items]})
 
 

@@ -108,7 +108,7 @@ class Added(Told):
 
     def __str__(self) -> str:
         return '\n'.join([f'added {self.what}: error {self.error_before_N:.3g} N -> '
-                          f'{self.error_N:.3g} N, {self.held_out_N:.3g} N on data left out; '
+                          f'{self.error_N:.3g} N, {self.held_out_N:.3g} N on held-out data; '
                           f'{self.noise}', *filter(None, [self.doubt]),
                           *(f'  {e}' for e in self.parameters)])
 
@@ -284,10 +284,13 @@ class Ladder(Told):
 
     def __str__(self) -> str:
         width = max(len(step['step']) for step in self.steps)
-        lines = [f"{'model':<{width}}  {'error':>9}  {'refitted':>9}  {'left out':>9}   (N rms)"]
+        ends = dict.fromkeys(f"{s['error_N']:.3g} N with {s['step']}"
+                             for s in (self.steps[0], self.steps[-1]))
+        lines = [f"{self.data}: error {', '.join(ends)}",
+                 f"{'model':<{width}}  {'error':>9}  {'refitted':>9}  {'held out':>9}   (N rms)"]
         lines += [f"{s['step']:<{width}}  {s['error_N']:9.3g}  {s['refitted_N']:9.3g}  "
                   f"{s['held_out_N']:9.3g}" for s in self.steps]
-        lines.append('on the same rows left out: ' + ', '.join(
+        lines.append('on the same held-out rows: ' + ', '.join(
             f'{name} {value:.3g} N' for name, value in self.rivals_N.items()))
         return '\n'.join([*lines, str(self.noise)])
 

@@ -40,6 +40,7 @@ from fam_bundle_ros.nodes.protocol_run import Asked, ProtocolRun, Seen, Stopped
 from fam_bundle_ros.nodes.rig_parameters import pressure_parameters
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.resources import config_names
+from fam_bundle_ros.told import counted
 
 #: Time-outs of the first sample, of a service, and of the reason for a stop, s.
 _PATIENCE, _ANSWER, _REASON = 10.0, 5.0, 2.5
@@ -252,7 +253,7 @@ def fits(protocol: Protocol, model: Bundle) -> None:
         shipped = [name.removesuffix('.yaml') for name in config_names('protocols')]
         fitting = [name for name in shipped if read_protocol(name).motor_units == model.n]
         words = f"; protocols for {model.n} that ship: {', '.join(fitting)}" if fitting else ''
-        raise InputError(f'{protocol.name}: is for {protocol.motor_units} motor units; '
+        raise InputError(f'{protocol.name}: is for {counted(protocol.motor_units, "motor unit")}; '
                          f'{model.name} has {model.n}{words}')
     for k, (value, limit) in enumerate(zip(protocol.highest, model.max_pressure), 1):
         if value > limit * (1.0 + ROUNDING):
