@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fam_bundle_ros.data.cells import cell_text, is_text, is_time
 from fam_bundle_ros.data.column_names import dimension_of
 from fam_bundle_ros.data.formats.channels import may_be_clocks, nearest
 from fam_bundle_ros.data.formats.heads import rate_in
@@ -159,6 +160,13 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
                 '"time=100 Hz"' if (steps == 1.0).all() else
                 f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
         return f"no time, read as a static map; '{header}' {tell}"
+    for header, column in table.columns.items():
+        if header in used or not (is_text(column) or column.dtype.kind == 'M'):
+            continue
+        cells = [cell_text(cell) for cell in column]
+        if 2 * len(set(cells)) > len(cells) and all(map(is_time, cells)):
+            return (f"no time, read as a static map; '{header}' has dates or times of day: if it "
+                    f'is the clock, tell it, --columns "time={header}"')
     for header in table.columns:
         meant = dimension_of(header, table.units.get(header, ''))
         if header not in used and meant and meant.like == 's':

@@ -98,13 +98,17 @@ def test_another_quantity_is_not_taken_for_its_unit(log, key, header):
 
 def test_a_log_without_a_known_clock_says_which_column_may_be_one(log, tmp_path):
     """It is read as a static map; a column that rises evenly is named, a count of rows as that,
-    and a sample rate above the table.
+    dates, and a sample rate above the table.
     """
     data = read_measurement(table(log, time=('Name', np.round(1e3 * log[0]))))
     assert data.is_static
     assert any('"time=Name [ms]"' in note for note in data.notes)
     data = read_measurement(table(log, time=('Scan', np.arange(ROWS))))
     assert any('"time=100 Hz"' in note for note in data.notes)
+    dates = np.datetime64('2026-01-01T08:00') + (1e3 * log[0]).astype('timedelta64[ms]')
+    for dated in (dates, dates.astype(str).astype(object)):
+        data = read_measurement(table(log, time=('Date', dated)))
+        assert any('"time=Date"' in note for note in data.notes)
     path = tmp_path / 'log.csv'
     path.write_text('Sample rate: 20 Hz\nstrain,pressure [kPa],force [N]\n' + '\n'.join(
         f'{e:.5f},{p / 1e3:.2f},{f:.3f}' for _, e, p, f in zip(*log)))
