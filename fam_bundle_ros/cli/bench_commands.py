@@ -85,8 +85,8 @@ def benchmark_discovery(
     sets: Annotated[str, typer.Option(help='Sets of cases separated by commas, or all.')] = 'all',
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
-    against: Annotated[bool, typer.Option('--against', help='LASSO (scikit-learn) and STLSQ '
-                                          '(pysindy) on the same cases.')] = False,
+    against: Annotated[bool, typer.Option('--against', help='Also run LASSO (scikit-learn) and '
+                                          'STLSQ (pysindy) on the same cases.')] = False,
     real: Annotated[Path | None, typer.Option(
         '--real', metavar='FOLDER', help='Use measured muscles instead, each NAME.csv with its '
         'NAME.model.yaml, scored on held-out rows.', exists=True, file_okay=False)] = None,

@@ -58,8 +58,8 @@ def campaign(
     Diagnose hundreds of recordings: which effects are missing, and what this correlates with.
 
     Started again after it was stopped or killed, it continues. A recording that fails is in the
-    tables with its error, and the exit status is still 0. The JSON has `recordings`, `shares`,
-    `contrasts` and `trends`.
+    tables with its error, and the exit status is still 0. The JSON has `recordings`, `verdicts`,
+    `shares`, `contrasts` and `trends`.
     """
     from fam_bundle_ros.campaign import run_campaign
     from fam_bundle_ros.discovery import Choices

@@ -121,7 +121,7 @@ def workbench(
     host: Annotated[str, typer.Option(help='Address to listen at.')] = '127.0.0.1',
     port: Annotated[int, typer.Option(help='Port to listen at.', min=1, max=65535)] = 8080,
     token: Annotated[str | None, typer.Option(help='Needed for an address other than this '
-                                              'machine.')] = None,
+                                              'machine: 8 letters and digits or more.')] = None,
     show: Annotated[bool, typer.Option(help='Open a browser.')] = True,
 ) -> None:
     """Open the web page that shows where a model fails, and improves it."""

@@ -108,8 +108,8 @@ def check_rig(
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
-                                              'or a shipped one, for number of units and length.'
-                                              )] = None,
+                                              'or a shipped one, for number of units and length; '
+                                              'needed with --active.')] = None,
     gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
                                         'pressure_is_gauge is set.')] = False,
     active: Annotated[bool, typer.Option('--active', help='Then open the valves, one at a time, '
