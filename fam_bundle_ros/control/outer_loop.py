@@ -34,6 +34,7 @@ from fam_bundle_ros.control.observer import (
 from fam_bundle_ros.control.outer import command_lag, default_force_gain, LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error
 from fam_bundle_ros.control.strain_gains import (
+    DAMPED,
     stiffness_grid,
     stiffnesses_between,
     unit_stiffness,
@@ -62,7 +63,8 @@ class OuterSettings:
     force_gain: float
     gain_error: float
     force_integral: float
-    #: Gains of the strain loop at these stiffnesses (N per strain), all (m,).
+    #: Stiffnesses (m,), N per strain, and the gains of the strain loop there (2, m): for the least
+    #: damping ratio, and for `strain_gains.DAMPED`.
     stiffnesses: list
     strain_gain: list
     strain_integral: list
@@ -190,8 +192,8 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
                    *stiffnesses_between(most, most / LEAST_INERTIA, usual)]
     stiffnesses += [stiffnesses[-1]] * (_STIFFNESSES - len(stiffnesses))
     low, high = (least, most) if load.known else (0.0, math.inf)
-    found = [default_strain_gains(config, load, min(max(each, low), high), usual)
-             for each in stiffnesses]
+    found = [[default_strain_gains(config, load, min(max(each, low), high), usual, ratio)
+              for each in stiffnesses] for ratio in (0.0, 0.0 if load.known else DAMPED)]
     bias_time = math.nan if config.bias_time is None else config.bias_time
     gain = config.force_gain
     gain = default_force_gain(config.gain_error) if gain is None else gain
@@ -203,9 +205,9 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
         'force_gain': gain,
         'still': _STILL * bundle.largest_force if config.still is None else config.still,
         'stiffnesses': stiffnesses, 'most_stiffness': most, 'usual_inertia': usual,
-        'strain_gain': [each.gain for each in found],
-        'strain_integral': [each.integral for each in found],
-        'strain_damping': [each.damping for each in found],
+        'strain_gain': [[each.gain for each in row] for row in found],
+        'strain_integral': [[each.integral for each in row] for row in found],
+        'strain_damping': [[each.damping for each in row] for row in found],
         'stiffness_slope': slope.tolist(), 'stiffness_bend': bend.tolist(),
         'model_error': bundle.error,
         'load_known': load.known, 'load_force': load.force, 'load_stiffness': load.stiffness,

@@ -13,13 +13,17 @@ import numpy as np
 RATE_LAG = 0.008
 #: Relative errors of the force's change for which the margin holds.
 GAIN_ERRORS = (-0.3, 0.0, 0.3)
-#: Factor by which the stiffness may differ from the one that gains are computed for.
+#: Factor by which the stiffness may differ from the one that gains are computed for, and by which
+#: an identified damping may be too large.
 SPAN = 1.5
 #: Least distance of the loop from -1: its inverse bounds the sensitivity. 0.5 gives a gain
 #: margin of 2 and a phase margin of 29 degrees at least (Astrom and Murray 2008, ch. 9.3).
 _DISTANCE = 0.5
 #: Least damping ratio of any muscle and load.
 _LEAST_DAMPING = 0.01
+#: Larger of the two damping ratios for which gains are computed where the damping is identified:
+#: linear gains between the two keep the least distance.
+DAMPED = 0.3
 #: Limit of a negative gain, as a share of the least stiffness.
 _SOFTENED = 0.3
 #: Largest strain at which stiffnesses are taken, and half-width of the difference quotient.
@@ -33,8 +37,11 @@ _GAINS = np.array([-1.0, -0.7, -0.5, -0.35, -0.25, -0.15, -0.07, 0.0, 0.1, 0.2, 
 _DAMPINGS = np.array([0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5])
 #: Candidate integral gains, over stiffness times natural frequency, or stiffness over lag if less.
 _INTEGRALS = np.logspace(-2.0, 0.0, 13)
-#: Frequencies at which loops are evaluated, over the natural frequency.
-_FREQUENCIES = np.logspace(-2.7, 1.3, 250)
+#: Frequencies at which loops are evaluated, over the natural frequency: evenly, and within the
+#: narrowest resonances at the three stiffnesses.
+_FREQUENCIES = np.sort(np.concatenate([np.logspace(-2.7, 1.3, 250), np.ravel(
+    np.outer(SPAN ** np.array([-0.5, 0.0, 0.5]),
+             1.0 + _LEAST_DAMPING * np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])))]))
 
 
 @dataclass(frozen=True)
@@ -76,7 +83,7 @@ def strain_gains(stiffness: float, inertia: float, damping: float, lag: float) -
     return StrainGains(inertia * per.gain, inertia * per.integral, inertia * per.damping)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=512)
 def _gains_per_inertia(stiffness: float, damping: float, lag: float) -> StrainGains:
     """Return the gains for an inertia of 1 N s^2: gains are in proportion to all three."""
     stiffnesses = (stiffness / SPAN, stiffness, stiffness * SPAN)
@@ -108,17 +115,17 @@ def _plants(s, stiffnesses, damping):
 def _costs(s, plants, control):
     """Return the squared error after a load step of each controller (K, F); inf without margin."""
     around = 1.0 + control[:, None] * plants
-    holds = np.abs(around).min(axis=(1, 2)) >= _DISTANCE
+    distance = around.real ** 2 + around.imag ** 2
+    holds = distance.min(axis=(1, 2)) >= _DISTANCE ** 2
     costs = np.full(len(control), np.inf)
     if not holds.any():
         return costs
-    around = around[holds]
     # s (1 + L) has no zeros in the right half plane if its total phase change is +90 degrees
     # (argument principle; it starts real and positive).
-    turned = np.unwrap(np.angle(s * around), axis=-1)
+    turned = np.unwrap(np.angle(s * around[holds]), axis=-1)
     stable = np.all((np.abs(turned[..., 0]) < 0.5 * math.pi)
                     & (np.abs(turned[..., -1] - 0.5 * math.pi) < 0.5 * math.pi), axis=-1)
-    square = np.abs(plants / around / s) ** 2
+    square = np.abs(plants / s) ** 2 / distance[holds]
     whole = 0.5 * (square[..., 1:] + square[..., :-1]) @ np.diff(s.imag)
     costs[holds] = np.where(stable, whole.mean(axis=-1), np.inf)
     return costs

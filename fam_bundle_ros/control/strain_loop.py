@@ -6,6 +6,7 @@ The strain loop: from a reference and the readings to the force that moves the l
 Part of the outer loops (`outer_loop`), with their settings and memory. Kernels.
 """
 
+import math
 from typing import Any
 
 from scipy.constants import g
@@ -15,7 +16,13 @@ from fam_bundle_ros.control.load_estimate import learn_load, load_law
 from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, quick_of
 from fam_bundle_ros.control.outer import command_lag, LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error, unwind
-from fam_bundle_ros.control.strain_gains import RATE_LAG, strain_gains, StrainGains
+from fam_bundle_ros.control.strain_gains import (
+    DAMPED,
+    RATE_LAG,
+    SPAN,
+    strain_gains,
+    StrainGains,
+)
 
 #: s: design sample time of the strain loop.
 _PERIOD = 4e-3
@@ -36,14 +43,16 @@ def usual_inertia(bundle: Any) -> float:
 
 
 def default_strain_gains(config: OuterConfig, load: LoadModel, stiffness: float, usual: float,
-                         ) -> StrainGains:
+                         ratio: float = 0.0) -> StrainGains:
     """
     Return the gains of the strain loop at a stiffness (N): those set, the others computed.
 
-    ``usual`` is the inertia where that of the load is not known, N s^2.
+    ``usual`` is the inertia where that of the load is not known, N s^2; ``ratio`` the least
+    damping ratio.
     """
-    lag = command_lag(config, _PERIOD) + _PERIOD
-    found = strain_gains(stiffness, load.inertia or usual, load.damping, lag)
+    lag, inertia = command_lag(config, _PERIOD) + _PERIOD, load.inertia or usual
+    damping = max(load.damping, 2.0 * ratio * math.sqrt(stiffness * inertia))
+    found = strain_gains(stiffness, inertia, damping, lag)
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return StrainGains(*(worked if value is None else value for value, worked in zip(
         given, (found.gain, found.integral, found.damping))))
@@ -84,16 +93,17 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         # PID replaces the observer here: with both, fast errors would be corrected twice.
         error = value - behind * rate - strain
         stiffness = present_stiffness(settings, measurement.pressure)
-        heavier = 1.0
+        heavier, ratio = 1.0, 0.0
         if not settings.load_known and state.load.known:
             stiffness += state.load.value[0]
             if settings.worked_out:
                 heavier = state.load.inertia / settings.usual_inertia
+            ratio = 0.5 * state.load.value[1] / SPAN / math.sqrt(stiffness * state.load.inertia)
         # At equal stiffness over inertia, gains are proportional to the inertia.
         alike = stiffness / heavier
-        gain = heavier * at_stiffness(settings, settings.strain_gain, alike)
-        integral = heavier * at_stiffness(settings, settings.strain_integral, alike)
-        damping = heavier * at_stiffness(settings, settings.strain_damping, alike)
+        gain = heavier * gain_at(settings, settings.strain_gain, alike, ratio)
+        integral = heavier * gain_at(settings, settings.strain_integral, alike, ratio)
+        damping = heavier * gain_at(settings, settings.strain_damping, alike, ratio)
         if integral > 0.0:
             # Delay after which a release of friction is detected.
             lag = command_lag(settings, dt) + dt + RATE_LAG
@@ -218,6 +228,13 @@ def present_stiffness(settings: Any, pressure: Any) -> float:
         p = max(pressure[i], 0.0)
         total += (settings.stiffness_slope[i] + settings.stiffness_bend[i] * p) * p
     return total
+
+
+def gain_at(settings: Any, values: Any, stiffness: float, ratio: float) -> float:
+    """Return a gain at a stiffness (N) and a damping ratio; ``values`` (2, m)."""
+    little = at_stiffness(settings, values[0], stiffness)
+    much = at_stiffness(settings, values[1], stiffness)
+    return little + min(ratio / DAMPED, 1.0) * (much - little)
 
 
 def at_stiffness(settings: Any, values: Any, stiffness: float) -> float:

@@ -15,7 +15,7 @@ import pytest
 
 from fam_bundle_ros.control import LoadModel, OuterConfig
 from fam_bundle_ros.control.outer_loop import outer_settings
-from fam_bundle_ros.control.strain_loop import at_stiffness
+from fam_bundle_ros.control.strain_loop import gain_at
 from fam_bundle_ros.kernels import pack
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 from fam_bundle_ros.nodes.profile import load_profile
@@ -84,8 +84,8 @@ def test_the_first_gains_for_a_load_that_was_not_told_are_in_proportion_to_the_b
                     for each in (1.0, size))
     for stiffness in np.geomspace(5.0, usual.most_stiffness, 9):
         for name in ('strain_gain', 'strain_integral', 'strain_damping'):
-            assert at_stiffness(other, getattr(other, name), size * stiffness) == pytest.approx(
-                size * at_stiffness(usual, getattr(usual, name), stiffness), rel=1e-6)
+            assert gain_at(other, getattr(other, name), size * stiffness, 0.0) == pytest.approx(
+                size * gain_at(usual, getattr(usual, name), stiffness, 0.0), rel=1e-6)
 
 
 @pytest.mark.parametrize('load', [LoadModel(), LoadModel(force=20.0, stiffness=3e3)])

@@ -20,7 +20,7 @@ from fam_bundle_ros.control.outer_loop import (
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.signals import MeasurementRecord
 from fam_bundle_ros.control.strain_gains import RATE_LAG
-from fam_bundle_ros.control.strain_loop import at_stiffness, holding_force, present_stiffness
+from fam_bundle_ros.control.strain_loop import gain_at, holding_force, present_stiffness
 
 DT = 2e-3
 #: s: how late a command is on average that is held for a sample.
@@ -320,7 +320,7 @@ def test_a_strain_that_friction_holds_gets_the_force_for_its_error_within_two_la
                 reading_share=0.0)
     error, pressures = -0.01, [150e3, 0.0]
     stiffness = present_stiffness(loop.settings, pressures)
-    usual = at_stiffness(loop.settings, loop.settings.strain_integral, stiffness)
+    usual = gain_at(loop.settings, loop.settings.strain_integral, stiffness, 0.0)
     asked = stiffness / (2.0 * (5e-3 + 5e-3 + DT + RATE_LAG))
     assert asked > 1.5 * usual
     outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,
@@ -338,7 +338,7 @@ def test_the_force_that_moves_a_load_not_told_is_searched_for_quickly(paper_bund
     loop = Loop(paper_bundle, delay=5e-3, lead_time=5e-3 - HOLD)
     error, pressures = -0.01, [150e3, 0.0]
     stiffness = present_stiffness(loop.settings, pressures)
-    usual = at_stiffness(loop.settings, loop.settings.strain_integral, stiffness)
+    usual = gain_at(loop.settings, loop.settings.strain_integral, stiffness, 0.0)
     asked = stiffness / (2.0 * (5e-3 + 5e-3 + DT + RATE_LAG))
     pace = usual / stiffness * abs(error)
     for wanted in (0.1, 0.1 + error):
@@ -366,8 +366,8 @@ def test_what_the_strain_makes_up_itself_after_a_step_is_not_integrated(
         'delay': 5e-3, 'lead_time': 5e-3 - HOLD, 'reading_share': 0.0, 'strain_reach': 0.01,
         **config})
     error, pressures = -2.0 * 2.0 * 0.2 * (5e-3 + 5e-3 + DT + RATE_LAG) / 0.8, [150e3, 0.0]
-    usual = at_stiffness(loop.settings, loop.settings.strain_integral,
-                         present_stiffness(loop.settings, pressures))
+    usual = gain_at(loop.settings, loop.settings.strain_integral,
+                         present_stiffness(loop.settings, pressures), 0.0)
     for wanted, slope in ((0.1, 0.0), (0.1 + error, rate)):
         held = loop.state.integral
         outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, speed, pressures), 10.0,

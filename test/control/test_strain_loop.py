@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.control import ControllerConfig, LoadModel, OuterConfig, tune
-from fam_bundle_ros.control.outer_loop import outer_settings
-from fam_bundle_ros.control.strain_loop import at_stiffness, present_stiffness
+from fam_bundle_ros.control.outer_loop import outer_settings, OuterState
+from fam_bundle_ros.control.saturation import FREE
+from fam_bundle_ros.control.signals import MeasurementRecord
+from fam_bundle_ros.control.strain_loop import (
+    at_stiffness,
+    gain_at,
+    present_stiffness,
+    strain_loop,
+)
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.plant import MassSpring, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
@@ -56,15 +63,46 @@ def test_every_stiffness_of_six_units_gets_feedback(bundles):
     lowest, highest = settings.stiffnesses[0], settings.stiffnesses[-1]
     assert highest > 50.0 * lowest
     for stiffness in np.geomspace(0.5 * lowest, 2.0 * highest, 40):
-        assert at_stiffness(settings, settings.strain_integral, stiffness) > 0.0
+        assert gain_at(settings, settings.strain_integral, stiffness, 0.0) > 0.0
         if stiffness < settings.most_stiffness:
-            assert at_stiffness(settings, settings.strain_damping, stiffness) > 0.0
+            assert gain_at(settings, settings.strain_damping, stiffness, 0.0) > 0.0
 
 
 def test_gains_do_not_jump_with_the_stiffness(bundles):
     """Linear between the stiffnesses for which they are worked out, constant outside."""
     settings = outer_settings(OuterConfig(), LoadModel(), bundles[6])
-    for stiffness, gain in zip(settings.stiffnesses, settings.strain_gain):
+    for stiffness, gain in zip(settings.stiffnesses, settings.strain_gain[0]):
         for near in (stiffness * (1.0 - 1e-9), stiffness, stiffness * (1.0 + 1e-9)):
-            assert at_stiffness(settings, settings.strain_gain, near) == pytest.approx(
-                gain, abs=1e-5)
+            assert gain_at(settings, settings.strain_gain, near, 0.0) == pytest.approx(
+                gain, rel=1e-7, abs=1e-5)
+
+
+@pytest.mark.parametrize(('damping', 'share'), [(0.0, 0.0), (0.15, 0.1 / 0.3), (9.0, 1.0)])
+def test_a_load_that_was_found_to_be_damped_gets_quicker_gains(bundles, damping, share):
+    """For two thirds of its damping ratio, between those for 1 % and those for 30 %."""
+    settings = outer_settings(OuterConfig(feed_forward=False), LoadModel(), bundles[2])
+    state = OuterState(lag=0.02)
+    pressures, error = [150e3, 0.0], 1e-3
+    stiffness = present_stiffness(settings, pressures)
+    little, much = (at_stiffness(settings, settings.strain_integral[k], stiffness) for k in (0, 1))
+    assert much > 1.5 * little
+    for wanted in (0.1, 0.1 + error):
+        state.load.known, state.load.inertia = True, settings.usual_inertia
+        state.load.value[1] = 2.0 * damping * np.sqrt(stiffness * settings.usual_inertia)
+        held = state.integral
+        strain_loop(settings, state, MeasurementRecord(10.0, 0.1, 0.0, pressures), wanted, 0.0,
+                    FREE, 0.0, 4e-3)
+    assert (state.integral - held) / (error * 4e-3) == pytest.approx(
+        little + share * (much - little))
+
+
+def test_a_damped_load_that_was_not_told_is_held_better_against_a_push(paper_bundle):
+    """With the gains that its damping allows, half a second after a weight is added."""
+    def left(damping):
+        load = MassSpring(mass=1.0, damping=damping)
+        path = load_profile('strain_steps')
+        log = ClosedLoop(paper_bundle, told_load=False).run(Trajectory(
+            'push', 'strain', path.duration, path.value, path.rate, load, prepare=1.5,
+            events=((path.duration - 1.0, {'mass': 1.5}),)))
+        return np.abs(log.error[log.time > path.duration - 0.5]).mean()
+    assert left(100.0) < 0.5 * left(5.0)
