@@ -89,15 +89,15 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         # PID replaces the observer here: with both, fast errors would be corrected twice.
         error = value - behind * rate - strain
         stiffness = present_stiffness(settings, measurement.pressure)
-        heavier, ratio = 1.0, 0.0
+        heavier, drag, inertia = 1.0, 0.0, settings.usual_inertia
         if not settings.load_known and state.load.known:
             stiffness += state.load.value[0]
+            drag, inertia = state.load.value[1] / _DOUBT, state.load.inertia
             if settings.worked_out:
-                heavier = state.load.inertia / settings.usual_inertia
-            drag = state.load.value[1] / _DOUBT
-            ratio = 0.5 * drag / math.sqrt(stiffness * state.load.inertia)
+                heavier = inertia / settings.usual_inertia
         # At equal stiffness over inertia, gains are proportional to the inertia.
-        alike = stiffness / heavier
+        alike = max(stiffness / heavier, settings.stiffnesses[0])
+        ratio = 0.5 * drag / math.sqrt(heavier * alike * inertia)
         gain = heavier * gain_at(settings, settings.strain_gain, alike, ratio)
         integral = heavier * gain_at(settings, settings.strain_integral, alike, ratio)
         damping = heavier * gain_at(settings, settings.strain_damping, alike, ratio)

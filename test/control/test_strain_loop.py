@@ -77,23 +77,45 @@ def test_gains_do_not_jump_with_the_stiffness(bundles):
                 gain, rel=1e-7, abs=1e-5)
 
 
+@pytest.mark.parametrize('heavier', [1.0, 3.0])
 @pytest.mark.parametrize(('damping', 'share'), [(0.0, 0.0), (0.2, 0.1 / 0.3), (9.0, 1.0)])
-def test_a_load_that_was_found_to_be_damped_gets_quicker_gains(bundles, damping, share):
+def test_a_load_that_was_found_to_be_damped_gets_quicker_gains(bundles, damping, share, heavier):
     """For half of its damping ratio, between those for 1 % and those for 30 %."""
     settings = outer_settings(OuterConfig(feed_forward=False), LoadModel(), bundles[2])
     state = OuterState(lag=0.02)
     pressures, error = [150e3, 0.0], 1e-3
-    stiffness = present_stiffness(settings, pressures)
-    little, much = (at_stiffness(settings, settings.strain_integral[k], stiffness) for k in (0, 1))
+    stiffness, inertia = present_stiffness(settings, pressures), heavier * settings.usual_inertia
+    little, much = (heavier * at_stiffness(settings, gains, stiffness / heavier)
+                    for gains in settings.strain_integral)
     assert much > 1.5 * little
     for wanted in (0.1, 0.1 + error):
-        state.load.known, state.load.inertia = True, settings.usual_inertia
-        state.load.value[1] = 2.0 * damping * np.sqrt(stiffness * settings.usual_inertia)
+        state.load.known, state.load.inertia = True, inertia
+        state.load.value[1] = 2.0 * damping * np.sqrt(stiffness * inertia)
         held = state.integral
         strain_loop(settings, state, MeasurementRecord(10.0, 0.1, 0.0, pressures), wanted, 0.0,
                     FREE, 0.0, 4e-3)
     assert (state.integral - held) / (error * 4e-3) == pytest.approx(
         little + share * (much - little))
+
+
+def test_a_load_whose_damping_is_told_gets_quicker_gains(bundles):
+    """At every stiffness of the bundle."""
+    free, damped = (outer_settings(OuterConfig(), LoadModel(inertia=0.3, damping=damping),
+                                   bundles[2]) for damping in (0.0, 20.0))
+    for stiffness in np.geomspace(0.3 * free.most_stiffness, free.most_stiffness, 5):
+        assert gain_at(damped, damped.strain_integral, stiffness, 0.0) > 1.2 * gain_at(
+            free, free.strain_integral, stiffness, 0.0)
+
+
+def test_an_empty_bundle_on_a_load_that_was_identified_gets_gains(bundles):
+    """Those of the lowest stiffness: there is none to divide the damping by."""
+    settings, state = outer_settings(OuterConfig(), LoadModel(), bundles[2]), OuterState(lag=0.02)
+    learn = [MeasurementRecord(10.0, 5e-4 * k, 0.1, [0.0, 0.0]) for k in range(200)]
+    for reading in learn:
+        strain_loop(settings, state, reading, 0.1, 0.0, FREE, 0.0, 4e-3)
+    assert state.load.known
+    assert state.load.value[0] == pytest.approx(0.0, abs=1.0)
+    assert np.isfinite(state.kept)
 
 
 def test_a_damped_load_that_was_not_told_is_held_better_against_a_push(paper_bundle):
