@@ -126,6 +126,11 @@ class BundleNode(Node):
             self._streams.append(publisher)
         return publisher
 
+    def withdraw(self, publisher: Publisher) -> None:
+        """End a publisher, so that another node may be the only one of its topic."""
+        self._streams.remove(publisher)
+        self.destroy_publisher(publisher)
+
     def sender(self, topic: str, kind: Any, write: Callable[..., Any],
                qos: QoSProfile = interface.PUBLISH) -> Callable[..., None]:
         """Return a function that publishes the message that ``write`` makes of its arguments."""

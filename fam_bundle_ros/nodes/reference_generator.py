@@ -176,6 +176,10 @@ class ReferenceGenerator(BundleNode):
         if self._profile is not None:
             self.get_logger().warning(f'trajectory of {self._profile.kind} cancelled {how}')
         self._profile, self._by_message, self.start = None, False, None
+        if not self.lock_step:
+            for publisher, _ in self._outputs.values():
+                self.withdraw(publisher)
+            self._outputs.clear()
 
     def _report(self, report: Report) -> None:
         self._sample_meter.report(report, 'sample')

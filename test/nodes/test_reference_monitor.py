@@ -75,6 +75,8 @@ def test_a_trajectory_by_message_can_be_cancelled_and_ends_at_an_emergency_stop(
     else:
         node._on_trajectory(JointTrajectory())
     graph.until(lambda: node._profile is None, 'the end of the trajectory')
+    graph.until(lambda: graph.probe.count_publishers('reference/force') == 0,
+                'the topic to be free for references of another node')
     graph.spin(0.2)
     seen.clear()
     graph.spin(0.3)
