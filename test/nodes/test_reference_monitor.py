@@ -88,6 +88,8 @@ def test_a_trajectory_by_message_can_be_cancelled_and_ends_at_an_emergency_stop(
     node._profile, node._by_message = Points('file', 'force', (0.0,), (5.0,)), False
     node._on_e_stop(Bool(data=True))
     assert node._profile.name == 'file'
+    node._on_trajectory(JointTrajectory())
+    node.flush(0.0)  # as at the end of the process: nothing is left to wait for
 
 
 def test_a_trajectory_that_is_over_by_its_stamp_is_refused(graph):
