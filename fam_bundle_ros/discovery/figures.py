@@ -10,6 +10,7 @@ are thinned for drawing only.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,8 @@ __all__ = ['candidates', 'comparison', 'confounding', 'diagnosis', 'has_isobars'
 
 #: Most points in one figure; more would slow the page down.
 MOST_POINTS = 6000
+#: Most isobars in a legend.
+_ENTRIES = 12
 _MODEL = palette.effect('mesh')
 _NOISE = palette.NEUTRAL['faint'].light
 DIVERGING = [[0.0, palette.DIRECTIONS[1].light], [0.5, palette.NEUTRAL['paper'].light],
@@ -234,7 +237,7 @@ def has_isobars(data: Measurement) -> bool:
 def _isobars(drawing: go.Figure, result: Comparison) -> None:
     data = result.measurement
     level, means = pressure_levels(data.pressure[:, varying_unit(data)])
-    every = max(1, len(means) // 10 + (len(means) % 10 > 0)) if len(means) > 12 else 1
+    every = math.ceil(len(means) / _ENTRIES)
     span = max(float(np.ptp(means)), 1.0)
     for k, mean in enumerate(means):
         rows = thin(np.flatnonzero(level == k), MOST_POINTS // len(means))

@@ -58,6 +58,18 @@ def test_every_row_of_isobars_is_a_point_and_on_the_line_of_the_model(compared):
     assert len({t.marker.color for t in drawing.data if t.mode == 'markers'}) == 6
 
 
+@pytest.mark.parametrize(('levels', 'step'), [(12, 1), (13, 2), (20, 2)])
+def test_of_many_isobars_the_legend_has_twelve_at_most(paper_muscle, levels, step):
+    """Evenly; all are drawn."""
+    pressure = np.repeat(1e4 * np.arange(1, levels + 1), 8)
+    strain = np.tile(np.linspace(0.0, 0.1, 8), levels)
+    drawing = figures.comparison(compare(paper_muscle, build(
+        'map', strain, pressure, paper_muscle.force(strain, pressure[:, None]))))
+    assert [t.name for t in drawing.data if t.showlegend] == [
+        f'{10 * k}' for k in range(1, levels + 1, step)]
+    assert len({t.marker.color for t in drawing.data if t.mode == 'markers'}) == levels
+
+
 def test_a_log_is_drawn_over_its_time_with_trials_end_to_end(swept):
     """The second trial, whose clock begins at zero, one second after the first."""
     drawing = figures.comparison(swept)
