@@ -131,6 +131,12 @@ class ReferenceGenerator(BundleNode):
                  interface.reference_strain_writer()))
         return self._outputs[kind]
 
+    def _withdraw_but(self, kind: str) -> None:
+        """Free the topics of references for other nodes, but for those of a kind."""
+        if not self.lock_step:
+            for other in self._outputs.keys() - {kind}:
+                self.withdraw(self._outputs.pop(other)[0])
+
     def _send(self, stamp: int) -> None:
         profile = self._profile
         if profile is None or self.gives_way:
@@ -160,6 +166,7 @@ class ReferenceGenerator(BundleNode):
             raise InputError(f'by its stamp the trajectory began {-begins:.3g} s ago and is over; '
                              'expected a stamp of now or later, or 0 for now')
         self._profile, self._by_message, self.start = profile, True, start
+        self._withdraw_but(profile.kind)
         self._output(profile.kind)
         when = '' if abs(begins) < 1.0 else (
             f'; it begins in {begins:.3g} s' if begins > 0.0 else
@@ -176,10 +183,7 @@ class ReferenceGenerator(BundleNode):
         if self._profile is not None:
             self.get_logger().warning(f'trajectory of {self._profile.kind} cancelled {how}')
         self._profile, self._by_message, self.start = None, False, None
-        if not self.lock_step:
-            for publisher, _ in self._outputs.values():
-                self.withdraw(publisher)
-            self._outputs.clear()
+        self._withdraw_but('')
 
     def _report(self, report: Report) -> None:
         self._sample_meter.report(report, 'sample')
