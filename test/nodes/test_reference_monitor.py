@@ -88,9 +88,8 @@ def test_a_trajectory_by_message_can_be_cancelled_and_ends_at_an_emergency_stop(
     node._profile, node._by_message = Points('file', 'force', (0.0,), (5.0,)), False
     node._on_e_stop(Bool(data=True))
     assert node._profile.name == 'file'
-    strain = force_over(1, joint_names=['strain'])
-    strain.points = [JointTrajectoryPoint(positions=[0.1])]
-    node._on_trajectory(strain)
+    node._on_trajectory(JointTrajectory(joint_names=['strain'], points=[
+        JointTrajectoryPoint(positions=[0.1])]))
     graph.until(lambda: graph.probe.count_publishers('reference/strain') == 1
                 and graph.probe.count_publishers('reference/force') == 0, 'strains only')
     node._on_trajectory(JointTrajectory())
