@@ -147,6 +147,14 @@ def other_times(table: Table, clock: str, time: np.ndarray) -> str:
     return ''
 
 
+def holds_times(column: np.ndarray) -> bool:
+    """Return whether all cells are dates or times of day, and most of them different."""
+    if not (is_text(column) or column.dtype.kind == 'M'):
+        return False
+    cells = [cell_text(cell) for cell in column]
+    return 2 * len(set(cells)) > len(cells) and all(map(is_time, cells))
+
+
 def may_be_clock(table: Table, used: Collection[str | None]) -> str:
     """Return a note on an unused column that may be the clock of a table without one, or ''."""
     for header, column in table.columns.items():
@@ -161,10 +169,7 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
                 f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
         return f"no time, read as a static map; '{header}' {tell}"
     for header, column in table.columns.items():
-        if header in used or not (is_text(column) or column.dtype.kind == 'M'):
-            continue
-        cells = [cell_text(cell) for cell in column]
-        if 2 * len(set(cells)) > len(cells) and all(map(is_time, cells)):
+        if header not in used and holds_times(column):
             return (f"no time, read as a static map; '{header}' has dates or times of day: if it "
                     f'is the clock, tell it, --columns "time={header}"')
     for header in table.columns:

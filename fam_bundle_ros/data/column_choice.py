@@ -15,8 +15,8 @@ import re
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import is_text, looks_like_time, numbers
-from fam_bundle_ros.data.clocks import same_name
+from fam_bundle_ros.data.cells import cell_text, is_text, looks_like_time, numbers
+from fam_bundle_ros.data.clocks import holds_times, same_name
 from fam_bundle_ros.data.column_names import (
     absolute_of,
     dimension_of,
@@ -36,6 +36,8 @@ from fam_bundle_ros.errors import InputError
 _ENOUGH = 2
 #: Told in place of a column: the file has no column for this quantity.
 NONE = 'none'
+#: Names of a date, which is the clock where it tells the time of day too.
+_DATE = re.compile('date|datum', re.IGNORECASE)
 #: Names of counters that go on while the clock runs on.
 _CYCLE = re.compile('cycle|zyklus', re.IGNORECASE)
 #: Fewest rows per trial, on average: a column with more values counts rows.
@@ -120,7 +122,9 @@ class Choices:
                 break
             column, unnamed = self.table.columns[header], is_unnamed(header)
             if looks_like_time(column) and column[0] != column[-1] and (
-                    unnamed or recognise(header).quantity == 'time'):  # Time [hh:mm:ss]
+                    unnamed or recognise(header).quantity == 'time'  # Time [hh:mm:ss]
+                    or _DATE.fullmatch(header) and ':' in cell_text(column[0])
+                    and holds_times(column)):
                 self.chosen['time'] = Choice(header, why='dates without a name' if unnamed else '')
                 del self.refused[header]
 

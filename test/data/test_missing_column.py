@@ -96,6 +96,19 @@ def test_another_quantity_is_not_taken_for_its_unit(log, key, header):
         read_measurement(table(log, **{key: (header, log[0])}))
 
 
+@pytest.mark.parametrize('header', ['Date', 'Datum'])
+def test_a_date_with_the_time_of_day_is_the_clock(log, header):
+    """The day alone is not: a map may be measured over several."""
+    dates = np.datetime64('2026-01-01T08:00') + (1e3 * log[0]).astype('timedelta64[ms]')
+    for dated in (dates, dates.astype(str).astype(object)):
+        data = read_measurement(table(log, time=(header, dated)))
+        np.testing.assert_allclose(data.time, log[0] - log[0][0], atol=1e-3)
+    days = np.array([f'2026-01-{1 + k % 28:02d}' for k in range(len(dates))], object)
+    assert read_measurement(table(log, time=(header, days))).is_static
+    same = np.full(len(dates), '2026-01-01 08:00:00', object)
+    assert read_measurement(table(log, time=(header, same))).is_static
+
+
 def test_a_log_without_a_known_clock_says_which_column_may_be_one(log, tmp_path):
     """It is read as a static map; a column that rises evenly is named, a count of rows as that,
     dates, and a sample rate above the table.
@@ -107,8 +120,8 @@ def test_a_log_without_a_known_clock_says_which_column_may_be_one(log, tmp_path)
     assert any('"time=100 Hz"' in note for note in data.notes)
     dates = np.datetime64('2026-01-01T08:00') + (1e3 * log[0]).astype('timedelta64[ms]')
     for dated in (dates, dates.astype(str).astype(object)):
-        data = read_measurement(table(log, time=('Date', dated)))
-        assert any('"time=Date"' in note for note in data.notes)
+        data = read_measurement(table(log, time=('Entry', dated)))
+        assert any('"time=Entry"' in note for note in data.notes)
     path = tmp_path / 'log.csv'
     path.write_text('Sample rate: 20 Hz\nstrain,pressure [kPa],force [N]\n' + '\n'.join(
         f'{e:.5f},{p / 1e3:.2f},{f:.3f}' for _, e, p, f in zip(*log)))
