@@ -26,7 +26,7 @@ TOPICS = {
                         'pressure reading on which it is based',
     'supply/pressure': 'absolute pressure of the supply, Pa',
     'reference/force': 'force.x in N; the last reference received is the control mode',
-    'reference/strain': 'joint `strain` with its rate',
+    'reference/strain': 'joint `strain`, with its rate as velocity if you have it',
     'reference/pressures': 'joints `mu1`, `mu2`, ...: gauge pressure setpoints as efforts, Pa; '
                            'for experiments: without a model, with limits and latches',
     'reference/dynamometer': 'joint `strain` with its rate: setpoint of a dynamometer, for the '

@@ -33,6 +33,7 @@ from fam_bundle_ros.control.recruitment_loop import (
     RecruitmentSettings,
     start_recruitment,
 )
+from fam_bundle_ros.control.reference_rate import FULL_STRAIN, SampledReference
 from fam_bundle_ros.control.safety import HOLD_TIME
 from fam_bundle_ros.control.saturation import SATURATION
 from fam_bundle_ros.control.signals import (
@@ -143,6 +144,9 @@ class RecruitmentController:
                                         self._allocator.pushes_back)
         forget_adaptation(self.settings.adaptation, self.memory.adaptation)
         self.model = self.belief()
+        scale = {'force': self.bundle.largest_force, 'strain': FULL_STRAIN}
+        self._sampled = {kind: SampledReference(STEP_SHARE * scale[kind]) for kind in KINDS}
+        self._time = 0.0
         self._record = command_record(self.bundle.n)
         start_recruitment(self.settings, self.memory, self._record)
         self._command = self._told()
@@ -211,9 +215,12 @@ class RecruitmentController:
             raise InputError(f"reference kind is '{reference.kind}'; expected force or strain")
         measured = self._read(measurement)
         if dt > 0.0:
+            self._time += dt
+            value, rate = reference.value, reference.rate
+            if rate is None:
+                value, rate = self._sampled[reference.kind].update(self._time, value)
             recruitment_step(self.settings, self.model, self.memory, measured,
-                             KINDS.index(reference.kind), reference.value, reference.rate, dt,
-                             self._record)
+                             KINDS.index(reference.kind), value, rate, dt, self._record)
             self._command = self._told()
         return self._command
 

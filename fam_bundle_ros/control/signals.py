@@ -33,14 +33,14 @@ class Reference:
     """
     Reference: ``kind`` is ``force`` (N) or ``strain``; ``rate`` is its rate per second.
 
-    A moving reference should have its rate: a new value with a rate of 0 is a step. The kind
-    ``pressure`` (see `fam_bundle_ros.control.direct`) uses only ``pressure``, the gauge pressures
-    of all motor units, Pa.
+    Without a rate it is estimated from the values before (`SampledReference`); a new value with
+    a rate of 0 is a step. The kind ``pressure`` (see `fam_bundle_ros.control.direct`) uses only
+    ``pressure``, the gauge pressures of all motor units, Pa.
     """
 
     kind: str
     value: float = 0.0
-    rate: float = 0.0
+    rate: float | None = None
     pressure: tuple[float, ...] = ()
 
 

@@ -11,14 +11,14 @@ from sensor_msgs.msg import JointState
 
 from fam_bundle_ros.control import Reference
 from fam_bundle_ros.control.direct import DirectPressures
+from fam_bundle_ros.control.reference_rate import FULL_STRAIN, ReferenceRate
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Meter, Report, WARN
-from fam_bundle_ros.nodes.references import ReferenceRate
 
-#: A change between two force references above this share of the blocked force is a step.
+#: A change between two references above this share of the range is a step.
 _STEP = 0.02
 
 
@@ -41,11 +41,13 @@ class ReferenceIntake:
     """
 
     def __init__(self, node: BundleNode, bundle: Bundle, take: Callable[[int, Reference], None]):
+        self._node = node
         self._take = take
         self._units = bundle.n
         self._length = bundle.length
         self._pressures = DirectPressures(bundle)
-        self._rate = ReferenceRate(_STEP * bundle.largest_force)
+        self._force_rate = ReferenceRate(_STEP * bundle.largest_force)
+        self._strain_rate = ReferenceRate(_STEP * FULL_STRAIN)
         self.meter = Meter()
         self._kind = ''
         #: Since the last report: kinds before and after each change, reasons of refusals.
@@ -67,12 +69,14 @@ class ReferenceIntake:
                        + ' and '.join(sorted(self._changes[-1])))
         self._refused, self._changes = [], []
 
-    def _reader(self, read: Callable[[Any, int], Reference]) -> Callable[[Any], None]:
+    def _reader(self, read: Callable[[Any, float], Reference]) -> Callable[[Any], None]:
         """Return a callback that reads references, and counts refusals and changes of kind."""
         def callback(message: Any) -> None:
             stamp = interface.stamp_ns(message.header.stamp)
+            # `ros2 topic pub` and short programs leave the stamp at 0.
+            time = 1e-9 * (stamp or self._node.get_clock().now().nanoseconds)
             try:
-                reference = read(message, stamp)
+                reference = read(message, time)
             except InputError as error:
                 self._refused.append(str(error))
                 raise
@@ -83,19 +87,20 @@ class ReferenceIntake:
             self._take(stamp, reference)
         return callback
 
-    def _force(self, message: WrenchStamped, stamp: int) -> Reference:
+    def _force(self, message: WrenchStamped, time: float) -> Reference:
         value = _within(interface.read_force(message), 1e5)
-        return Reference('force', value, self._rate.update(stamp, value))
+        return Reference('force', value, self._force_rate.update(time, value))
 
-    def _strain(self, message: JointState, stamp: int) -> Reference:
+    def _strain(self, message: JointState, time: float) -> Reference:
         value, rate = interface.read_strain(message, self._length)
-        rate = 0.0 if math.isnan(rate) else rate
+        if math.isnan(rate):
+            rate = self._strain_rate.update(time, value)
         if not abs(rate) <= interface.FASTEST:
             raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
                              f'{interface.FASTEST:g}')
         return Reference('strain', _within(value, 1.0), rate)
 
-    def _pressure(self, message: JointState, stamp: int) -> Reference:
+    def _pressure(self, message: JointState, time: float) -> Reference:
         reference = Reference('pressure', pressure=interface.read_pressures(message, self._units))
         self._pressures.checked(reference)
         return reference

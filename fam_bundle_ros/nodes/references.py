@@ -1,11 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""References between their messages: extrapolation, rate of a force reference, lasting misses."""
+"""References between their messages: extrapolation, lasting misses."""
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
-import math
 
 from fam_bundle_ros.control import Reference
 from fam_bundle_ros.told import number
@@ -18,13 +16,6 @@ _LATE = 2.0
 _AHEAD = 1.4
 #: Weight of a new interval in the running mean.
 _SHARE = 0.25
-#: Longest interval between values for an estimate of the rate, ns.
-_APART = 100_000_000
-#: Largest number of values in a line fit.
-_LINE = 8
-#: Standard deviation of the stamps' jitter, as a share of their interval; slopes agree within
-#: this number of standard deviations.
-_JITTER, _AGREE = 0.2, 2.0
 #: Time for which errors last longer than they are absent, beyond that of a transient, s.
 _PATIENCE = 2.0
 _UNITS = {'force': ' N', 'strain': ''}
@@ -33,58 +24,6 @@ _REACH = {'high': 'out of reach, the pressures are at their highest',
           'low': 'out of reach, the pressures are at their lowest',
           'gap': 'not in reach of the present recruitment state',
           '': 'the pressures are not at their limits'}
-
-
-class ReferenceRate:
-    """
-    Estimates the rate of a force reference, as a wrench has no field for it.
-
-    Fits lines to the last values and uses the longest whose slope agrees with the slopes of all
-    shorter ones within the jitter of the stamps. So jitter does not change the rate of a ramp, and
-    the end of a ramp is detected at the next value.
-    """
-
-    def __init__(self, step: float):
-        self._step = step
-        self._values: deque[tuple[int, float]] = deque(maxlen=_LINE)
-        self._rate = 0.0
-
-    def update(self, stamp: int, value: float) -> float:
-        """Return the rate, N/s; 0 after a step or a pause."""
-        values = self._values
-        if values and stamp == values[-1][0]:
-            values[-1] = stamp, value
-            return self._rate
-        if not (values and 0 < stamp - values[-1][0] <= _APART):
-            values.clear()
-        elif abs(value - values[-1][1] - self._rate * (stamp - values[-1][0]) * 1e-9) > self._step:
-            values.clear()
-        values.append((stamp, value))
-        self._rate = self._slope()
-        return self._rate
-
-    def _slope(self) -> float:
-        """Return the slope of the longest consistent line, N/s."""
-        last, value = self._values[-1]
-        consistent, low, high = 0.0, -math.inf, math.inf
-        jitter = _JITTER * (last - self._values[0][0]) * 1e-9 / max(len(self._values) - 1, 1)
-        time_sum = change_sum = squares = products = 0.0
-        for count, (stamp, each) in enumerate(reversed(self._values), 1):
-            time, change = (stamp - last) * 1e-9, each - value
-            time_sum += time
-            change_sum += change
-            squares += time * time
-            products += time * change
-            if count == 1:
-                continue
-            spread = squares - time_sum * time_sum / count
-            slope = (products - time_sum * change_sum / count) / spread
-            doubt = _AGREE * jitter * abs(slope) / math.sqrt(spread)
-            low, high = max(low, slope - doubt), min(high, slope + doubt)
-            if low > high:
-                break
-            consistent = slope
-        return consistent
 
 
 class MovingReference:
@@ -109,9 +48,10 @@ class MovingReference:
     def take(self, reference: Reference, now: float) -> None:
         """Take a reference that arrived at ``now``, s."""
         interval, before = now - self._came, self.at(now)
+        moves = abs(reference.rate or 0.0) * self._interval
         self._ahead = 0.0
         if (self.last and before and self._interval > 0.0 and before.kind == reference.kind
-                and abs(before.value - reference.value) < abs(reference.rate) * self._interval):
+                and abs(before.value - reference.value) < moves):
             self._ahead = before.value - reference.value
         if not (self.last and 0.0 < interval <= _PAUSE):
             interval = 0.0
@@ -123,7 +63,7 @@ class MovingReference:
     def at(self, now: float) -> Reference | None:
         """Return the reference at ``now`` (s), extrapolated until the next one is overdue."""
         reference, age = self.last, max(now - self._came, 0.0)
-        if reference is None or reference.rate == 0.0:
+        if reference is None or not reference.rate:
             return reference
         if age > _LATE * self._interval:
             return replace(reference, rate=0.0)

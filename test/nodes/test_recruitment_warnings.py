@@ -29,6 +29,38 @@ def test_reference_that_is_no_number_is_refused(graph, quiet):
     assert node._reference.last.value == 30.0
 
 
+def references(graph, node, kind, topic, messages):
+    """Publish messages one after the other; return the last reference that the node takes."""
+    publisher = graph.probe.create_publisher(kind, topic, 10)
+    graph.until(publisher.get_subscription_count, 'the subscription')
+    for message in messages:
+        node._reference.last = None
+        publisher.publish(message)
+        graph.until(lambda: node._reference.last, 'the reference')
+    return node._reference.last
+
+
+def test_a_strain_without_velocity_has_the_rate_of_its_values(graph, quiet):
+    """Messages each 20 ms by their stamps, 0.1 1/s; with a velocity that is the rate."""
+    node = graph.add(RecruitmentNode(context=graph.context))
+    messages = [JointState(name=['strain'], position=[0.1 + 2e-3 * k]) for k in range(6)]
+    for k, message in enumerate(messages):
+        message.header.stamp = interface.to_stamp(20_000_000 * (k + 1))
+    last = references(graph, node, JointState, 'reference/strain', messages)
+    assert last.rate == pytest.approx(0.1)
+    messages[-1].velocity = [0.03]
+    last = references(graph, node, JointState, 'reference/strain', messages[-1:])
+    assert last.rate == 0.03
+
+
+def test_a_force_without_stamps_has_the_rate_of_its_arrival(graph, quiet):
+    """As `ros2 topic pub` and short programs send it."""
+    node = graph.add(RecruitmentNode(context=graph.context))
+    last = references(graph, node, WrenchStamped, 'reference/force',
+                      [interface.force_message(0, 10.0 + 0.1 * k) for k in range(6)])
+    assert last.rate > 0.0
+
+
 def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
     """More is asked for than the bundle can give, for seconds."""
     rig, node = bundle(Points('too much', 'force', (0.0, 0.4, 0.5, 3.7, 3.8),

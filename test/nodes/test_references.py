@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.control import Measurement, RecruitmentController, Reference
+from fam_bundle_ros.control.reference_rate import ReferenceRate
 from fam_bundle_ros.model import load_model
-from fam_bundle_ros.nodes.references import MovingReference, ReferenceRate
+from fam_bundle_ros.nodes.references import MovingReference
 
 MODEL = Path(__file__).parents[2] / 'config' / 'models' / 'spie2021.yaml'
 
@@ -25,7 +26,7 @@ def told(hertz, jitter, rate=20.0, late=0.0, seed=0):
 def rates_of(messages):
     """Return times and what `ReferenceRate` reads, N/s."""
     reader = ReferenceRate(5.0)
-    return np.array([(stamp, reader.update(round(1e9 * stamp) + 10 ** 9, value))
+    return np.array([(stamp, reader.update(stamp + 1.0, value))
                      for _, stamp, value in messages]).T
 
 
@@ -52,8 +53,8 @@ def test_a_step_or_a_pause_has_no_rate():
     """A change beyond the step, and values further apart than 0.1 s."""
     reader = ReferenceRate(5.0)
     for k, value in enumerate([10.0, 10.0, 30.0, 30.0]):
-        assert reader.update(10 ** 9 + 10_000_000 * k, value) == 0.0
-    assert reader.update(3 * 10 ** 9, 31.0) == 0.0
+        assert reader.update(1.0 + 0.01 * k, value) == 0.0
+    assert reader.update(3.0, 31.0) == 0.0
 
 
 @pytest.mark.parametrize('hertz', [50.0, 100.0])
@@ -78,8 +79,7 @@ def test_a_streamed_ramp_recruits_where_a_smooth_one_does(hertz):
     def streamed(time):
         while messages and (messages[0][0] <= time or moving.last is None):
             arrival, stamp, value = messages.pop(0)
-            moving.take(Reference('force', value, reader.update(round(1e9 * stamp) + 10 ** 9,
-                                                                value)), arrival)
+            moving.take(Reference('force', value, reader.update(stamp + 1.0, value)), arrival)
         return moving.at(time)
     assert recruited(streamed) == pytest.approx(smooth, abs=1.0)
 
