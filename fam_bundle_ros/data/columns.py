@@ -25,7 +25,7 @@ from fam_bundle_ros.data.cells import (
     seconds,
 )
 from fam_bundle_ros.data.column_choice import Choices
-from fam_bundle_ros.data.column_names import absolute_of, likes, words_of
+from fam_bundle_ros.data.column_names import absolute_of, words_of
 from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words, settings
 from fam_bundle_ros.data.formats.channels import clocks_in
 from fam_bundle_ros.data.formats.heads import interval_of
@@ -34,6 +34,7 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
+from fam_bundle_ros.data.stated_units import stated_unit
 from fam_bundle_ros.data.strains import RestLength, stated_rest_length, strain_of
 from fam_bundle_ros.data.told_columns import Choice, with_sums
 from fam_bundle_ros.data.unit_names import Unit, unit_of
@@ -234,7 +235,8 @@ class _Reader:
         clock, words = numbers(column)
         self._refuse_words(header, words & rows)
         clock = self._run_on(header, clock)
-        choice.unit = choice.unit or self._unit_above(header, 'time')
+        if choice.unit is None:
+            choice.unit, choice.why = self._unit_stated(header, 'time')
         if choice.unit is None:
             choice.unit, choice.why = time_unit(self.table.name, header, clock)
         factor = choice.unit.factor
@@ -281,7 +283,8 @@ class _Reader:
 
     def _unit(self, key: str, values: np.ndarray) -> Unit:
         choice = self.choices.chosen[key]
-        choice.unit = choice.unit or self._unit_above(choice.header or '', key.partition('.')[0])
+        if choice.unit is None:
+            choice.unit, choice.why = self._unit_stated(choice.header or '', key.partition('.')[0])
         if choice.unit is None:
             inches = [each.unit.text for each in self.choices.chosen.values()
                       if each.unit and each.unit.text.casefold() in _INCHES]
@@ -294,12 +297,11 @@ class _Reader:
                                                  self._rest_length.used)
         return choice.unit
 
-    def _unit_above(self, header: str, quantity: str) -> Unit | None:
-        """Return the unit of a header in the lines above the table: 'Channel 1: Force (lbf)'."""
-        found = {unit for line in self.table.above for text in re.findall(
-            rf'(?:^|[:;,=|\t])\s*{re.escape(header)}\s*[\[(]([^\])]+)[\])]', line, re.IGNORECASE)
-            for like in likes(quantity) if (unit := unit_of(text, like))}
-        return found.pop() if header and len(found) == 1 else None
+    def _unit_stated(self, header: str, quantity: str) -> tuple[Unit | None, str]:
+        """Return the unit that lines beside the table state for a column, and the words for it."""
+        unit = stated_unit(self.table.lines, list(self.table.columns), header, quantity
+                           ) if header else None
+        return unit, f'{unit.text} is stated beside the table' if unit else ''
 
     def _ambient(self, key: str, values: dict[str, np.ndarray]) -> float:
         choice, gauge = self.choices.chosen[key], self.recipe.gauge

@@ -33,6 +33,9 @@ from fam_bundle_ros.data.unit_names import ELECTRIC, is_unit, unbracketed
 #: Units of other quantities that stand in a row of units.
 _OTHER_UNITS = frozenset("""\u00b0C degC \u2103 K \u00b0F \u00b0 deg rad Nm W Hz kHz rpm 1/min
     l/min L/min m/s mm/s m/s2 m/s\u00b2 Ohm \u03a9 dB bit""".split())
+#: What stands before a row of units.
+_LABEL = re.compile(r'\s*(?:units?|einheit(?:en)?|unit(?:e|\u00e9)s?)(?!\w)\s*[:=]?',
+                    re.IGNORECASE)
 #: Rows looked at above the data, and for names.
 _ABOVE, _HEAD = 8, 16
 
@@ -151,6 +154,7 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     if pairs is not None:
         return *pairs, len(rows) - 1
     begin = max(len(rows) - _HEAD, 0)
+    rows = [*rows[:begin], *(_without_label(row, width) for row in rows[begin:])]
     near = [(i, [*row, *[''] * width][:width]) for i, row in enumerate(rows[begin:], begin)
             if 2 <= len(trimmed(row)) and (len(trimmed(row)) <= width + 1 or _of_columns(
                 row[:width]) or i + 1 < len(rows) and are_units(rows[i + 1][:width]))]
@@ -180,6 +184,22 @@ def find_names(rows: Sequence[Sequence[str]], width: int,
     if at >= 0 and len(index) == 1 < width and recognise(index[0]).quantity in ('time', 'trial'):
         names[0] = index[0]  # pandas writes the name of an index below those of the columns
     return names, units, max(near[i][0] for i in (at, *units_at) if i >= 0)
+
+
+def _without_label(row: Sequence[str], width: int) -> Sequence[str]:
+    """
+    Return a row of units without the word for it: in its first cell, or in a cell more.
+
+    Examples
+    --------
+    >>> _without_label(['units: s', 'N'], 2), _without_label(['Einheiten', 's', 'N'], 2)
+    (['s', 'N'], ['s', 'N'])
+    """
+    match = _LABEL.match(row[0]) if row else None
+    if match is None or not are_units(row[1:]):
+        return row
+    rest = row[0][match.end():].strip()
+    return [rest, *row[1:]] if rest else row[1:] if len(trimmed(row)) > width else row
 
 
 def moved_right(names: list[str], data: Sequence[Sequence[str]]) -> list[str]:
