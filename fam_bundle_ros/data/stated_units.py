@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 import re
 
-from fam_bundle_ros.data.column_names import recognise, STRAINS, unit_for
+from fam_bundle_ros.data.column_names import likes, recognise, STRAINS, unit_for
 from fam_bundle_ros.data.unit_names import is_unit, Unit
 
 #: Words for a unit in a line that states some.
@@ -58,12 +58,13 @@ def _stated(line: str, headers: Sequence[str], header: str, quantity: str) -> It
             part in _NO_UNIT or is_unit(part) for part in parts):
         yield parts[headers.index(header)]
         return
-    named = False
+    named, several = False, lists and not _named(parts) and sum(map(is_unit, parts)) > 1
     for part in parts:
         if not part:
             continue
-        if part not in _NO_UNIT and part.casefold() != header.casefold() and (
-                unit_for(quantity, part)) and (named or lists and not _named(parts)):
+        unit = unit_for(quantity, part) if (
+            part not in _NO_UNIT and part.casefold() != header.casefold()) else None
+        if unit and (named or several and unit.like == likes(quantity)[0]):
             yield part
         named = part.casefold() == header.casefold() or not is_unit(part) and (
             recognise(part).score > 1 and _same(recognise(part).quantity, quantity))

@@ -34,6 +34,8 @@ def read_arrow(path: Path, sheet: str | None = None, *, kind: str) -> Table:
                 if key.decode(errors='replace').casefold() in ('unit', 'units'):
                     units[entry.name] = value.decode(errors='replace')
         frame = table.to_pandas()
+        # where pandas keeps the attrs of a frame
+        frame.attrs = json.loads((table.schema.metadata or {}).get(b'PANDAS_ATTRS', b'{}'))
     return of_frame(frame, path.name, kind, units)
 
 
@@ -42,7 +44,9 @@ def of_frame(frame: Any, name: str, kind: str = 'frame',
     """Return the table of a pandas frame; an index with a name, or of times, is a column."""
     if frame.index.name or frame.index.dtype.kind in 'mM':
         frame = frame.rename_axis(frame.index.name or 'time').reset_index()
-    return Table(name, kind, plain_columns(frame), units or {})
+    told = frame.attrs.get('units', {})
+    return Table(name, kind, plain_columns(frame), units or (
+        {str(key): str(unit) for key, unit in told.items()} if isinstance(told, Mapping) else {}))
 
 
 def read_npz(path: Path) -> Table:
@@ -164,7 +168,8 @@ def _flat(values: Mapping[str, Any], prefix: str, depth: int) -> dict[str, Any]:
         if isinstance(value, (list, np.ndarray)) and np.size(value) and np.ndim(value) and all(
                 isinstance(entry, Mapping) for entry in value):
             value = _channels(list(value)) or _joined(list(value))
-        channels = _channels([value]) if isinstance(value, Mapping) else {}
+        channels = _channels([value]) or _readings(name, value) if isinstance(
+            value, Mapping) else {}
         series = _series(value) if isinstance(value, Mapping) else pairs.get(key)
         if series is not None:
             flat[name if series.label in ('', *flat) else series.label] = series
@@ -235,6 +240,17 @@ def _channels(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def _readings(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the vector of a struct that holds nothing else but texts, and its unit; else {}."""
+    fields = {key.casefold(): value for key, value in entry.items()}
+    vectors = [key for key, value in fields.items()
+               if not isinstance(value, str) and np.size(value)]
+    if len(vectors) != 1 or vectors[0] not in _SERIES[1] or np.size(fields[vectors[0]]) < 2:
+        return {}
+    unit = next((text for key in _CHANNEL[1] if isinstance(text := fields.get(key), str)), '')
+    return {name: fields[vectors[0]], **({f'{name}_unit': unit} if unit else {})}
+
+
 def _runs(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return several structs of the same quantities: run1.p, run1.F, run2.p, run2.F; else []."""
     runs = [run for run in values.values() if isinstance(run, Mapping)]
@@ -244,6 +260,20 @@ def _runs(values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return runs if len(runs) > 1 == len(fields) < len(known) and not others else []
 
 
+def _units_behind(fields: list[str]) -> list[str]:
+    """
+    Return fields with that of a unit behind that of its readings.
+
+    Examples
+    --------
+    >>> _units_behind(['F', 'p', 'F_unit', 'p_unit'])
+    ['F', 'F_unit', 'p', 'p_unit']
+    """
+    names = {field: next((name for name in fields if name != field and _is_unit_of(field, name)),
+                         field) for field in fields}
+    return sorted(fields, key=lambda field: (fields.index(names[field]), field != names[field]))
+
+
 def _joined(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
     """Return an array of structs as one: samples one by one, or the vectors of several trials."""
     lengths = [max((len(np.ravel(value)) for value in entry.values()
@@ -251,7 +281,11 @@ def _joined(entries: list[Mapping[str, Any]]) -> dict[str, Any]:
     if max(lengths) < 2:
         return {field: [entry.get(field) for entry in entries] for field in entries[0]}
     whole: dict[str, Any] = {}
-    for field in entries[0]:
+    for field in _units_behind(list(entries[0])):
+        texts = {entry.get(field) for entry in entries if isinstance(entry.get(field), str)}
+        if len(texts) == 1 and all(isinstance(entry.get(field), str) for entry in entries):
+            whole[field] = texts.pop()
+            continue
         parts = [np.ravel(entry.get(field, ())) for entry in entries]
         parts = [np.repeat(part, length) if len(part) == 1 else part
                  for part, length in zip(parts, lengths)]
@@ -265,7 +299,8 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
     Return the table of arrays by name: those of the most common length.
 
     Nested mappings are flattened; a matrix gives a column each (named by a list of as many
-    texts, if there is one); texts named ``units.<name>`` or ``<name>_unit`` are units.
+    texts, if there is one); texts named ``units.<name>`` or ``<name>_unit`` are units, as is
+    a list ``units`` with one for each.
     """
     found = _by_shape(flattened(_joined(runs) if (runs := _runs(values)) else values))
     vectors, matrices = found.vectors, found.matrices
@@ -276,6 +311,8 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
         heads = next((names for names in found.labels if len(names) == count),
                      [f'{key} {i + 1}' for i in range(count)])
         vectors.update(dict(zip(heads, columns.T)))
+    read = [key for key, vector in vectors.items() if vector.dtype.kind in 'fmM']
+    listed = dict(next((zip(read, texts) for texts in found.units if len(texts) == len(read)), ()))
     series = {key: vector for key, vector in vectors.items()
               if vector.dtype.kind == 'f' and len(vector) > 1}
     if not series:
@@ -287,8 +324,9 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
     if not clocks_in(Table(name, kind, kept)):
         kept = {key: vector for key, vector in vectors.items() if len(vector) == rows}
     heads = unique(_short_names(list(kept)))
-    units = {head: text for key, head in zip(kept, heads) for label, text in found.texts.items()
-             if _is_unit_of(label, key.rpartition('.')[2])}
+    units = {head: listed[key] for key, head in zip(kept, heads) if listed.get(key)}
+    units |= {head: text for key, head in zip(kept, heads) for label, text in found.texts.items()
+              if _is_unit_of(label, key.rpartition('.')[2])}
     other = [key for key in vectors if key not in kept and vectors[key].dtype.kind == 'f']
     notes = [f'of another length, not used: {", ".join(other)}'] if other else []
     notes += ['columns of matrices are trials: read one below the other'] if trials else []
@@ -298,17 +336,18 @@ def of_arrays(name: str, kind: str, values: Mapping[str, Any]) -> Table:
 
 
 class _Found(NamedTuple):
-    """Vectors and matrices (floats; vectors may be text), texts and numbers, lists of names."""
+    """Vectors and matrices (floats; vectors may be text), texts, lists of names and of units."""
 
     vectors: dict[str, np.ndarray]
     matrices: dict[str, np.ndarray]
     texts: dict[str, str]
     labels: list[list[str]]
+    units: list[list[str]]
 
 
 def _by_shape(flat: Mapping[str, Any]) -> _Found:
     """Return values sorted by what they are; a matrix has more rows than columns."""
-    found = _Found({}, {}, {}, [])
+    found = _Found({}, {}, {}, [], [])
     for key, value in flat.items():
         try:
             array = np.squeeze(np.asarray(value))
@@ -321,9 +360,14 @@ def _by_shape(flat: Mapping[str, Any]) -> _Found:
             if kind in 'USif' and array.size:
                 found.texts[key] = str(array[()])
         elif array.ndim == 1 and kind in 'biufUSOmM':
-            if kind in 'USO' and len(array) < 60 and all(
-                    isinstance(cell, str) for cell in array.tolist()):
-                found.labels.append(array.tolist())
+            # scipy gives a blank text as an empty array
+            texts = [cell if np.size(cell) else '' for cell in array.tolist()] if (
+                kind in 'USO' and len(array) < 60) else []
+            if texts and all(isinstance(text, str) for text in texts):
+                if key.rpartition('.')[2].casefold() in _CHANNEL[1]:
+                    found.units.append(texts)
+                    continue
+                found.labels.append(texts)
             found.vectors[key] = array if kind in 'mM' else array.astype(
                 float if kind in 'biuf' else object)
         elif array.ndim == 2 and kind in 'biuf':

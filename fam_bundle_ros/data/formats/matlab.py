@@ -66,8 +66,9 @@ def _chosen(path: Path, values: dict[str, Any], sheet: str | None, opaque: bool)
 
 
 def _units_of(group: Any) -> dict[str, str]:
-    """Return the units that datasets of a group carry as attributes."""
-    units = {}
+    """Return the units that a group and its datasets carry as attributes."""
+    units = {key: _text(value) for key, value in group.attrs.items()
+             if key.casefold().endswith(('_unit', '_units'))}
     for key, child in group.items():
         unit = child.attrs.get('units', child.attrs.get('unit'))
         if unit is not None:
