@@ -7,16 +7,18 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+import re
 from typing import Any
 import zipfile
 
 import numpy as np
 
 from fam_bundle_ros.data.cells import in_groups, is_blank, is_number, number
-from fam_bundle_ros.data.column_names import STRAINS
+from fam_bundle_ros.data.column_names import recognise, STRAINS, unit_text_of
 from fam_bundle_ros.data.formats import arrays, layout
 from fam_bundle_ros.data.formats.stacking import one_below_the_other, parts_of_one
 from fam_bundle_ros.data.formats.table import MAX_BYTES, reading_as, Table, unique
+from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import library
 
@@ -57,13 +59,18 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
     """
     pandas = library('pandas', f'{path.name}: reading it')
     library('openpyxl', f'{path.name}: reading it')
-    with reading_as(path, 'a workbook', Exception):  # openpyxl's own, of zip, of xml, ...
-        sheets = pandas.read_excel(path, sheet_name=None, header=None, dtype=object,
-                                   engine='openpyxl', na_filter=False)
-    if sheet is not None and sheet not in sheets:
-        raise InputError(f"{path.name}: no sheet '{sheet}'; expected one of {', '.join(sheets)}")
-    names = list(sheets) if sheet is None else [sheet]
-    read = {name: _of_sheet(path.name, name, sheets[name]) for name in names}
+    damaged = partial(reading_as, path, 'a workbook', Exception)  # openpyxl's own, of zip, of xml
+    with damaged():
+        file = pandas.ExcelFile(path, engine='openpyxl')
+    with file:
+        with damaged():
+            sheets = pandas.read_excel(file, sheet_name=None, header=None, dtype=object,
+                                       na_filter=False)
+        if sheet is not None and sheet not in sheets:
+            raise InputError(f"{path.name}: no sheet '{sheet}'; expected one of "
+                             f"{', '.join(sheets)}")
+        names = list(sheets) if sheet is None else [sheet]
+        read = {name: _of_sheet(path.name, name, sheets[name], file.book[name]) for name in names}
     # a sheet without a table may tell settings of the others, such as the rest length
     told = tuple(';'.join(map(_text, row)) for name, own in read.items() if own is None
                  for row in sheets[name].to_numpy(object)[:_SNIFFED])
@@ -83,11 +90,11 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
             return replace(parts, name=path.name, kind='sheets side by side')
     others = [other.kind for other in found.values() if other is not table]
     notes = (f'not read: {", ".join(others)} (tell the sheet)',) if others else ()
-    return replace(table, notes=notes)
+    return replace(table, notes=table.notes + notes)
 
 
-def _of_sheet(file: str, sheet: str, frame: Any) -> Table | None:
-    """Return the table of a sheet; None where it has no rows of numbers."""
+def _of_sheet(file: str, sheet: str, frame: Any, cells: Any) -> Table | None:
+    """Return the table of a sheet, its ``cells`` those of openpyxl; None without any numbers."""
     values = frame.to_numpy(object)
     decimal = ',' if any(map(_has_decimal_comma, values[:_SNIFFED].T)) else '.'
     head = [[_text(cell, decimal) for cell in row] for row in values[:_SNIFFED]]
@@ -100,6 +107,7 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> Table | None:
         return None
     names, units, last = layout.find_names([head[i] for i in filled[:first]], width)
     names = unique(names)
+    empty = head[filled[last]][width:] if last >= 0 else []
     below = filled[last + 1:first] if last >= 0 else []
     bad = layout.with_bad_cells([head[i] for i in below], width, decimal)
     begin = min([filled[first], *below[len(below) - bad:]])
@@ -107,10 +115,46 @@ def _of_sheet(file: str, sheet: str, frame: Any) -> Table | None:
     words = {(name, begin + 1 + i): text for name, j in zip(names, used)
              if columns[name].dtype.kind == 'f' for i, cell in enumerate(values[begin:, j])
              if isinstance(cell, str) and is_blank(text := cell.strip()) and text}
+    columns, units = _as_shown(columns, units, [formats[j] for j in used] if (
+        formats := _formats(cells, begin + 1, values.shape[1])) else [])
     kept = np.array([any(_text(cell).strip() for cell in row) for row in values[begin:]], bool)
     columns = {name: column[kept] for name, column in columns.items()}
+    lost = [f"not read: '{cell}' of sheet {sheet}, which has no values (formulas need those that "
+            'Excel saves with them)' for cell in empty if recognise(cell).quantity]
     return Table(file, f'sheet {sheet}', columns, units, np.flatnonzero(kept) + begin + 1,
+                 tuple(lost),
                  above=tuple(map(';'.join, head[:begin])), blanks=partial(_word, words))
+
+
+def _formats(cells: Any, row: int, width: int) -> list[str]:
+    """Return the number formats of a row, [] where the next row has others."""
+    rows = [[cell.number_format or '' for cell in found] for found in cells.iter_rows(
+        min_row=row, max_row=row + 1, max_col=width)]
+    return rows[0] if rows and rows[0] == rows[-1] and len(rows[0]) == width else []
+
+
+def _as_shown(columns: dict[str, np.ndarray], units: dict[str, str], formats: list[str],
+              ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """
+    Return columns in the units that Excel shows, and these: '0.00" lbf"', percents of '0.0%'.
+
+    Examples
+    --------
+    >>> columns = {'eps [%]': np.array([0.1, 0.2]), 'F': np.array([3.0, 4.0])}
+    >>> _as_shown(columns, {}, ['0.0%', '0.00" lbf"'])
+    ({'eps [%]': array([10., 20.]), 'F': array([3., 4.])}, {'F': 'lbf'})
+    """
+    columns, units = dict(columns), dict(units)
+    for name, form in zip(list(columns), formats):
+        column, quoted = columns[name], ''.join(re.findall(r'"([^"]*)"', form)).strip()
+        unit = units.get(name) or unit_text_of(name)
+        if unit is None and quoted and is_unit(quoted):
+            units[name] = quoted
+        shown = re.sub(r'"[^"]*"', '', form)
+        if unit == '%' and '%' in shown and column.dtype.kind == 'f' and (
+                np.nanmax(np.abs(column), initial=0.0) <= 1.0):
+            columns[name] = 100.0 * column
+    return columns, units
 
 
 def _known(table: Table) -> int:
