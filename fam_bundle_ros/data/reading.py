@@ -15,6 +15,7 @@ from fam_bundle_ros.data.columns import described, read_columns
 from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
 from fam_bundle_ros.data.formats.long import wide
+from fam_bundle_ros.data.formats.quality import without_bad
 from fam_bundle_ros.data.formats.stacking import parts_of_one, unstacked
 from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.table import names_column
@@ -226,7 +227,7 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
         table = of_frame(source, name or 'frame')
     told = recipe.columns
     side_by_side = partial(unstacked, told=told)
-    for change in (oldest_first, with_stamps, wide, partial(
+    for change in (oldest_first, with_stamps, wide, without_bad, partial(
             with_unit_columns, told=told.values()), titled, side_by_side):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]

@@ -18,6 +18,7 @@ import numpy as np
 from fam_bundle_ros.data.cells import cell_text, is_text, looks_like_time, numbers, seconds
 from fam_bundle_ros.data.cells import labels as trial_labels
 from fam_bundle_ros.data.column_names import recognise, STRAINS, words_of
+from fam_bundle_ros.data.formats.quality import GOOD, of_bad_quality
 from fam_bundle_ros.data.formats.table import is_unnamed, Table, unique
 from fam_bundle_ros.data.formats.unit_columns import in_one_unit, NAMES
 from fam_bundle_ros.data.grouping import earlier
@@ -32,9 +33,6 @@ _SIGNAL = frozenset("""signal signalname signalid tag tagname tagid variable var
     measurement point pointname key kanal messgroesse messstelle groesse""".split())
 _VALUE = frozenset("""value val varvalue reading tagvalue wert messwert istwert numericvalue
     floatvalue valor valeur""".split())
-#: Columns that say whether a reading is good, and how.
-_QUALITY = frozenset('quality validity valid opcquality status'.split())
-_GOOD = frozenset('good ok valid true 1 192'.split())
 #: Most signals of a table; a column with more different words is text.
 _MOST = 200
 #: s of one unit of a clock; controllers of Siemens count millionths of a day.
@@ -58,7 +56,7 @@ def wide(table: Table) -> Table:
     signals = np.array(list(map(cell_text, table.columns[signal])), object)
     named = signals != ''
     rows = named & (signals != signal)
-    bad, qualities = _of_bad_quality(table, others, rows)
+    bad, qualities = of_bad_quality(table, others, rows, GOOD)
     rows &= ~bad
     labels, names = _counted(signals[rows])
     at, cells = table.rows[rows], table.columns[value][rows]
@@ -124,21 +122,6 @@ def _columns(table: Table) -> tuple[str, str, list[str]] | None:
 
 def _key(header: str) -> str:
     return ''.join(words_of(header))
-
-
-def _of_bad_quality(table: Table, others: Sequence[str], rows: np.ndarray,
-                    ) -> tuple[np.ndarray, list[str]]:
-    """Return the rows of bad quality, and the columns that say so (good in most rows)."""
-    bad, used = np.zeros(len(rows), bool), []
-    for header in others:
-        if _key(header) in _QUALITY:
-            said = (f'{cell:g}' if isinstance(cell, float) else str(cell).strip().casefold()
-                    for cell in table.columns[header])
-            good = np.array([word in _GOOD for word in said], bool)
-            if good[rows].mean() > 0.5:
-                bad |= rows & ~good
-                used.append(header)
-    return bad, used
 
 
 def _counted(cells: Iterable[Any]) -> tuple[np.ndarray, list[str]]:
