@@ -157,16 +157,23 @@ def holds_times(column: np.ndarray) -> bool:
 
 def may_be_clock(table: Table, used: Collection[str | None]) -> str:
     """Return a note on an unused column that may be the clock of a table without one, or ''."""
+    rate = rate_in(table.above)
+    said = re.findall(r'([\d.]+)[\s;,]*(k?Hz)', rate, re.IGNORECASE)
+    shown = ' '.join(said[0]) if len(said) == 1 else '100 Hz'
+    as_said = f", as '{rate[:60]}' says" if len(said) == 1 else ''
     for header, column in table.columns.items():
         if header in used or column.dtype.kind != 'f' or len(column) < 3:
             continue
         steps = np.diff(column)
-        if not (steps > 0.0).all() or np.ptp(steps) > _EVEN * np.median(steps):
+        if not (steps > 0.0).all():
             continue
-        unit = 'ms' if np.median(steps) > 1.0 else 's'
+        even = np.ptp(steps) <= _EVEN * np.median(steps)
+        text = table.unit_text(header)  # not of time, or it would be the clock: '10 ms'
+        unit = f'* {text}' if text else '[ms]' if np.median(steps) > 1.0 else '[s]'
         tell = ('counts the rows: if they are evenly spaced in time, tell their rate, --columns '
-                '"time=100 Hz"' if (steps == 1.0).all() else
-                f'rises evenly: if it is the clock, tell it, --columns "time={header} [{unit}]"')
+                f'"time={shown}"{as_said}' if (steps == 1.0).all() else
+                f'rises {"evenly" if even else "throughout"}: if it is the clock, tell it, '
+                f'--columns "time={header} {unit}"')
         return f"no time, read as a static map; '{header}' {tell}"
     for header, column in table.columns.items():
         if header not in used and holds_times(column):
@@ -178,9 +185,8 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
             return (f"no time, read as a static map; '{header}' in {meant.text} is no clock, it "
                     'does not rise: if rows are evenly spaced, tell their rate, --columns '
                     '"time=100 Hz"')
-    rate = rate_in(table.above)
     return rate and (f"no time, read as a static map; above the table stands '{rate[:60]}': if "
-                     'that is the rate of the rows, tell it, --columns "time=100 Hz"')
+                     f'that is the rate of the rows, tell it, --columns "time={shown}"')
 
 
 def at_one_time(values: Mapping[str, np.ndarray], times: Mapping[str, np.ndarray],

@@ -28,7 +28,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
              'uhrzeit', 'elapsed', 'elapsed time', 'clock', 'x value', 'seconds', 'sekunden',
              'datetime', 'date time', 'datum uhrzeit', 'datum zeit', 'messzeit', 'laufzeit',
              'zeitpunkt', 'relative time', 'rel time', 'test time', 'run time', 'tout', 'epoch',
-             'epoch time', 'unix', 'unix time', 'uptime', '時間', '時刻', '时间'),
+             'epoch time', 'datenum', 'unix', 'unix time', 'uptime', '時間', '時刻', '时间'),
     'trial': ('trial', 'run', 'test', 'versuch', 'messung', 'lauf', 'wiederholung', 'rep',
               'repeat', 'repetition', 'experiment', 'cycle', 'zyklus', 'series', 'reihe',
               'messreihe'),

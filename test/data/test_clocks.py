@@ -261,3 +261,24 @@ def test_times_of_a_column_that_differ_from_the_clock_are_told(rate, said, muscl
         'drive time [ms]': 1e5 + 1e3 * rate * TIME, 'F [N]': force(TIME, muscle)})
     assert np.allclose(data.time, TIME)
     assert ("'time [s]' and 'drive time [ms]' show other times" in ' '.join(data.notes)) == said
+
+
+def test_a_clock_that_may_be_is_named_with_what_the_file_says(tmp_path, log):
+    """A rate above the table is that of the advice; pauses do not hide a rising column."""
+    _, strain, pressure, force = log
+    rows = ''.join(f'{at},{strain[at]:.5f},{pressure[at]:.1f},{force[at]:.3f}\n'
+                   for at in range(len(strain)))
+    path = tmp_path / 'log.csv'
+    path.write_text('Abtastrate;20;Hz\n\nsample,strain,p [Pa],F [N]\n' + rows)
+    data = read_measurement(path)
+    assert '--columns "time=20 Hz", as \'Abtastrate;20;Hz\' says' in data.notes[0]
+    tick = np.arange(len(strain)) * 5.0 + np.where(np.arange(len(strain)) < 100, 0, 200)
+    table = {'tick [10 ms]': tick, 'strain': strain, 'p [Pa]': pressure, 'F [N]': force}
+    note, = read_measurement(table).notes
+    assert 'rises throughout' in note
+    assert '"time=tick [10 ms] * 10 ms"' in note
+    told = read_measurement(table, columns={'time': 'tick [10 ms] * 10 ms'})
+    assert told.time[99] == pytest.approx(4.95)
+    days = {'datenum': 739000.4 + log[0] / 86400, 'strain': strain, 'p [Pa]': pressure,
+            'F [N]': force}
+    assert np.ptp(read_measurement(days).time) == pytest.approx(log[0][-1], abs=1e-4)
