@@ -35,7 +35,12 @@ from fam_bundle_ros.data.measurement import build, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
 from fam_bundle_ros.data.stated_units import stated_unit
-from fam_bundle_ros.data.strains import RestLength, stated_rest_length, strain_of
+from fam_bundle_ros.data.strains import (
+    other_strains,
+    RestLength,
+    stated_rest_length,
+    strain_of,
+)
 from fam_bundle_ros.data.told_columns import Choice, with_sums
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 from fam_bundle_ros.errors import InputError
@@ -98,6 +103,10 @@ class _Reader:
         strain, notes = strain_of(table, strain_key, chosen[strain_key], values, pressure,
                                   self._rest_length, table.rows[rows],
                                   told=strain_key in recipe.columns)
+        if strain_key not in recipe.columns:
+            notes += other_strains(table, [
+                header for header, why in self.choices.refused.items()
+                if why == f'{strain_key} is there'], strain, self._rest_length, rows)
         trial = chosen.get('trial')
         measured = build(
             table.name, strain, pressure, values['force'],

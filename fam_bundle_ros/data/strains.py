@@ -9,6 +9,7 @@ tells.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from decimal import Decimal
 import re
 from typing import NamedTuple
@@ -17,7 +18,7 @@ import numpy as np
 
 from fam_bundle_ros.data.cells import numbers
 from fam_bundle_ros.data.checks import partial_correlations
-from fam_bundle_ros.data.column_names import names_rest_length, rest_length_of
+from fam_bundle_ros.data.column_names import is_longer, names_rest_length, rest_length_of
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.told_columns import Choice
 from fam_bundle_ros.errors import InputError
@@ -35,6 +36,8 @@ _TELLS = 0.2
 _AT_REST = 0.02
 #: Strains: a muscle is stretched by more than the first, and shortens at least by the second.
 _STRETCHED, _SHORTER = 0.05, 0.02
+#: Strains of two columns that differ by more are not of one muscle with one zero.
+_APART = 0.01
 
 
 class RestLength(NamedTuple):
@@ -195,6 +198,39 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
         _refuse_longer(table, choice, ratio, rest)
     return ratio, [*notes, *_range_notes(shown, ratio, choice.in_lengths, key == 'shift'),
                    *_percent_notes(shown, choice, given)]
+
+
+def other_strains(table: Table, headers: Iterable[str], strain: np.ndarray, rest: RestLength,
+                  rows: np.ndarray) -> list[str]:
+    """
+    Return notes on columns that tell another strain than that which was read.
+
+    Parameters
+    ----------
+    table : Table
+    headers : iterable of str
+        Columns that tell the strain too, and are not used.
+    strain : ndarray, shape (T,)
+    rest : RestLength
+    rows : ndarray of int, shape (T,)
+        Index of each reading in the columns.
+    """
+    notes = []
+    for header in headers:
+        match = table.meaning(header)
+        whole = 1.0 if match.unit is None or match.unit.like == '1' else rest.used
+        # the sign and the zero of a displacement are not known
+        if match.unit is None or whole is None or match.quantity not in (
+                'strain', 'contraction', 'length'):
+            continue
+        ratio = numbers(table.columns[header])[0][rows] * match.unit.factor / whole
+        other = 1.0 - ratio if match.quantity == 'length' else ratio
+        known = np.isfinite(other) & np.isfinite(strain)
+        apart = float(np.abs(other - strain)[known].max(initial=0.0))
+        if apart > _APART and not (match.quantity == 'strain' and is_longer(header)):
+            notes.append(f"'{header}' tells another strain, by up to {apart:.2g}: which one is "
+                         'right? Tell it (--columns)')
+    return notes
 
 
 def _refuse_longer(table: Table, choice: Choice, strain: np.ndarray, rest: RestLength) -> None:

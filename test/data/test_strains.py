@@ -242,3 +242,14 @@ def test_a_position_of_an_unknown_name_may_count_from_anywhere(log):
     read = read_measurement(table, rest_length='250 mm',
                             columns={'contraction': told})
     assert np.allclose(read.strain, strain)
+
+
+def test_a_second_column_of_the_strain_that_disagrees_is_told(log):
+    """Of a length and the travel of the crosshead, which began elsewhere, one is wrong."""
+    time, strain, pressure, force = log
+    table = {'time [s]': time, 'crosshead [mm]': 127 * strain + 3.0,
+             'length [mm]': 127 * (1 - strain), 'p [Pa]': pressure, 'F [N]': force}
+    note, = read_measurement(table, rest_length='127 mm').notes
+    assert "'length [mm]' tells another strain, by up to 0.024" in note
+    table['crosshead [mm]'] -= 3.0
+    assert not read_measurement(table, rest_length='127 mm').notes
