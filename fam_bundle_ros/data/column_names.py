@@ -93,6 +93,11 @@ _FIELD = re.compile(r'(^|[/.])fluid_pressure$')
 _BRACKET = re.compile(r'[\[({<]\s*([^\[\](){}<>]*(?:[(\[][^()\[\]]*[)\]][^\[\](){}<>]*)?)[\])}>]')
 
 
+#: A factor beside the unit, 'F [N] x10', which may be that of the readings or of the unit.
+_FACTOR = re.compile(r'(?<!\w)\s*[x\u00d7*\u00b7]\s*(?:10+|0[.,]0*1)'
+                     r'(?:\s*\^\s*[-+]?\d+|(?:e|\*\*)[-+]?\d+|[-+]\d+)?(?![\w.])', re.IGNORECASE)
+
+
 class Match(NamedTuple):
     """
     What a header means.
@@ -170,6 +175,8 @@ def recognise(header: str, unit_text: str = '') -> Match:
     if rest_length_of(f'{header} {unit_text}=1') is not None:
         return Match('', why='the rest length')
     header = _DSPACE.sub('', _plain(header))
+    if factor := factor_of(header):
+        return Match('', why=f"'{factor}' in its name: tell what one is worth")
     best = Match('')
     if header.startswith('/'):
         return _of_topic(header, unit_text)
@@ -186,6 +193,19 @@ def recognise(header: str, unit_text: str = '') -> Match:
     name = header.removesuffix('()')  # 'min' is a minimum too
     clock = unit_of(name, 's') if len(name) > 3 or name.casefold() in _SHORT_CLOCKS else None
     return best if best.quantity or clock is None else Match('time', 2, clock)
+
+
+def factor_of(header: str) -> str:
+    """
+    Return the factor in a header, '' for none: of the readings or of their unit, who knows.
+
+    Examples
+    --------
+    >>> factor_of('F (N) x10'), factor_of('Force x [N]'), factor_of('F [x10 N]')
+    ('x10', '', '')
+    """
+    found = _FACTOR.search(_BRACKET.sub(' () ', header))
+    return found[0].strip() if found else ''
 
 
 def _of_topic(path: str, unit_text: str) -> Match:

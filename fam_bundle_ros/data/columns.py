@@ -28,7 +28,7 @@ from fam_bundle_ros.data.column_choice import Choices
 from fam_bundle_ros.data.column_names import absolute_of, words_of
 from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words, settings
 from fam_bundle_ros.data.formats.channels import clocks_in
-from fam_bundle_ros.data.formats.heads import interval_of
+from fam_bundle_ros.data.formats.heads import interval_of, scale_in
 from fam_bundle_ros.data.formats.stacking import ONE_CLOCK
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, Measurement, Taken
@@ -124,9 +124,13 @@ class _Reader:
                            for reason, (row, _) in measured.first_dropped.items()})
 
     def _of_table(self) -> list[str]:
-        """Return the notes of the table, without advice that was followed."""
-        return [note for note in self.table.notes
-                if note != ONE_CLOCK or 'time' not in self.recipe.columns]
+        """Return notes on the table, without advice that was followed."""
+        scale = scale_in(self.table.above)
+        return [*(note for note in self.table.notes
+                  if note != ONE_CLOCK or 'time' not in self.recipe.columns),
+                *([f"above the rows stands '{scale[:60]}': the readings are taken as they are; if "
+                   'these factors are to be applied, tell them, --columns "force=F * 0.1 N"']
+                  if scale else [])]
 
     def _supplies(self, pressure: np.ndarray) -> list[str]:
         """Return the question whether the highest pressure is a supply, if no name denies it."""

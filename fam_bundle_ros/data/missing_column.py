@@ -11,7 +11,7 @@ import numpy as np
 
 from fam_bundle_ros.data.cells import is_number, is_text, numbers
 from fam_bundle_ros.data.checks import ranges
-from fam_bundle_ros.data.column_names import is_longer, recognise, STRAINS, unit_for
+from fam_bundle_ros.data.column_names import factor_of, is_longer, recognise, STRAINS, unit_for
 from fam_bundle_ros.data.formats.heads import cells_of
 from fam_bundle_ros.data.formats.table import is_unnamed, Table
 from fam_bundle_ros.data.formats.titles import title_of_name, titles_of
@@ -181,7 +181,8 @@ def _examples(table: Table, key: str, unused: Sequence[str]) -> list[str]:
                 example = f'{told}={header}'  # a ratio
             without.insert(0 if alike else len(without), example)
         elif unit_for(key, text):
-            fitting.insert(0 if alike else len(fitting), f'{told}={header}')
+            scaled = f' * 0.1 {text}' if factor_of(header) else ''
+            fitting.insert(0 if alike else len(fitting), f'{told}={header}{scaled}')
         elif text.strip() in ELECTRIC and (alike or not meant):
             told = told.replace('strain', 'contraction')  # a voltage is rarely of a ratio
             electric.append(f'{told}={name_of(header)} * 50 {example_unit(told)}')

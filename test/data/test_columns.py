@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a column is taken for, and when it is asked instead of guessed."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -550,3 +552,15 @@ def test_what_a_pressure_is_relative_to_may_stand_behind_its_unit(log, header, a
     data = read_measurement({'t / s': time, 'contraction / %': 100.0 * strain, 'F / N': force,
                              header: pressure / 1e5 + (1.01325 if absolute else 0.0)})
     assert np.allclose(data.pressure[:, 0], pressure)
+
+
+@pytest.mark.parametrize('header', ['force (N) x10', 'Force x10 [N]', 'F [N] \u00d7 0.1',
+                                    'force (N) *10^-1'])
+def test_a_factor_in_a_header_is_asked(log, header):
+    """Ten times the force was read: whether 'x10' is of the readings or of N is not known."""
+    columns = table(log, force=(header, 10 * log[3]))
+    with pytest.raises(InputError, match='in its name: tell what one is worth') as error:
+        read_measurement(columns)
+    told = re.search('"force=(.*)"', str(error.value))[1]
+    assert np.abs(read_measurement(columns, columns={'force': told}).force - log[3]).max() < 1e-9
+    assert len(read_measurement(table(log, force=('Force x [N]', log[3])))) == ROWS

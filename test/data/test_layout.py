@@ -4,6 +4,7 @@
 
 import pytest
 
+from fam_bundle_ros.data import read_measurement
 from fam_bundle_ros.data.cells import (
     in_groups,
     is_blank,
@@ -185,3 +186,12 @@ def test_in_a_head_of_pairs_names_are_cells_that_differ_and_are_no_numbers():
             ['SampleTime[ms]', '1', 'SampleTime[ms]', '2']]
     assert find_names(head, 4) == (['time', 'Kanal 1', 'time', 'Kanal 2'],
                                    {'Kanal 1': 'N', 'Kanal 2': 'N', 'time': 'ms'}, 2)
+
+
+def test_a_row_of_factors_is_told(tmp_path, log):
+    """It was passed over as a line of the head, and the force was a hundred times too large."""
+    rows = ''.join(f'{t:.3f},{e:.5f},{p:.1f},{100 * f:.3f}\n' for t, e, p, f in zip(*log))
+    path = tmp_path / 'log.csv'
+    path.write_text('time [s],strain,p [Pa],F [N]\nscale,1,1,0.01\n' + rows)
+    note, = read_measurement(path).notes
+    assert note.startswith("above the rows stands 'scale,1,1,0.01': the readings are taken as")

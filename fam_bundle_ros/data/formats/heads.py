@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import re
 
+from fam_bundle_ros.data.cells import is_number
 from fam_bundle_ros.data.column_names import recognise, unit_text_of
 from fam_bundle_ros.data.unit_names import unbracketed, unit_of
 
@@ -25,6 +26,11 @@ _INTERVAL = re.compile(
 #: A sample rate.
 _RATE = re.compile(r'(?:sampl\w*|scan|abtast\w*|mess)[ _-]?(?:rate|freq\w*|frequenz)\W.*\d|'
                    r'^\W*f_?s\s*[:=]\s*[\d.]+\s*(?:k?Hz)?$', re.I)
+
+
+#: What a row of factors of the columns begins with.
+_SCALE = re.compile(r'(?:scal(?:e|ing)(?:[ _]factors?)?|factors?|multipliers?|gains?|'
+                    r'faktor(?:en)?|skalierung)\W*', re.IGNORECASE)
 
 
 def of_pairs(rows: Sequence[Sequence[str]], width: int,
@@ -111,6 +117,24 @@ def interval_of(lines: Sequence[str]) -> float | None:
                 unit = unit_of(text, 's') if text else None
                 told.add(float(value[1].replace(',', '.')) * unit.factor if unit else 0.0)
     return told.pop() if len(told) == 1 and min(told) > 0.0 else None
+
+
+def scale_in(lines: Sequence[str]) -> str:
+    """
+    Return the line above a table that has a factor other than 1 for its columns, '' for none.
+
+    Examples
+    --------
+    >>> scale_in(['scale,1,0.01']), scale_in(['Scale factor;1;1']), scale_in(['full scale,10,20'])
+    ('scale,1,0.01', '', '')
+    """
+    for line in lines:
+        cells = cells_of(line)
+        factors = [float(cell.replace(',', '.')) for cell in cells[1:] if is_number(
+            cell.replace(',', '.'))]
+        if cells and _SCALE.fullmatch(cells[0]) and len(factors) > 1 and set(factors) != {1.0}:
+            return line.strip()
+    return ''
 
 
 def rate_in(lines: Sequence[str]) -> str:
