@@ -149,3 +149,19 @@ def test_a_pressure_above_a_table_may_be_quoted_cells(blocks, tmp_path):
     """As testing machines write settings: a name, a value and a unit, each in quotes."""
     with pytest.raises(InputError, match='"pressure=250 kPa"'):
         read(tmp_path, f'"Preload","5.0","N"\n"Pressure","2.5","bar"\n{HEAD}\n' + blocks[0][0])
+
+
+def test_titles_with_two_values_are_no_rows(tmp_path, log):
+    """Titles 'p = 100 kPa, L0 = 127 mm' were read as the rows of the file, all others left out."""
+    time, strain, pressure, force = log
+    text = ''
+    for level in np.unique(pressure):
+        rows = pressure == level
+        text += f'Test: p = {level / 1e3:.0f} kPa, L0 = 127 mm\ntime [s],contraction [mm],F [N]\n'
+        text += ''.join(f'{t:.3f},{127 * e:.5f},{f:.4f}\n' for t, e, f in zip(
+            time[rows], strain[rows], force[rows])) + '\n'
+    path = tmp_path / 'log.csv'
+    path.write_text(text)
+    data = read_measurement(path)
+    assert len(data) == len(time)
+    assert np.allclose(data.pressure[:, 0], pressure)

@@ -22,6 +22,8 @@ from fam_bundle_ros.told import counted
 _PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)[\'"]?\s*[:=]\s*'
                    r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'
                    r'(?:\s*([A-Za-z%\u00b0]+[/\w\u00b2^]*)(?![\w:=]|\s*[:=]))?')
+#: A row of numbers without names.
+_ROW = re.compile(r'\s*[-+]?[\d.,]+(?:[eE][-+]?\d+)?\s*[,;\t| ]\s*[-+.\d]')
 #: What a terminal or Python's logging writes before each line.
 _CLOCK = re.compile(r'\s*[\[(]?\s*((?:\d{4}-\d\d-\d\d[ T])?\d[\d.:]*(?:,\d{3})?)\s*[\])]?\s*'
                     r'(?:->|[-:,;>|])?\s*(?:[\[(]?(?:INFO|DEBUG)[\])]?[\s:-]*)?(?=[^\W\d])')
@@ -44,10 +46,11 @@ def labelled(name: str, lines: Sequence[str]) -> Table | None:
     if not counts:
         return None
     keys, often = counts.most_common(1)[0]
-    if often < 3 or often < 0.8 * sum(bool(line.strip()) for line in lines[-often:]) or (
-            len(set(keys)) < len(keys)):
-        return None
     rows = [k for k, found in enumerate(pairs) if tuple(key for key, _, _ in found) == keys]
+    plain = sum(not found and _ROW.match(line) is not None
+                for found, line in zip(pairs[rows[0]:], lines[rows[0]:]))
+    if often < 3 or plain > often or len(set(keys)) < len(keys):  # titles of blocks of rows
+        return None
     values = np.array([[float(value) for _, value, _ in pairs[k]] for k in rows])
     units = {key: unit for key, (_, _, unit) in zip(keys, pairs[rows[0]])
              if unit and is_unit(unit)}
