@@ -272,8 +272,10 @@ def rest_length_of(line: str) -> float | None:
     --------
     >>> rest_length_of('L0 [mm];250,0'), rest_length_of('Rest length: 250')
     (0.25, None)
+    >>> rest_length_of('"Rest length","127.00","mm"')
+    0.127
     """
-    found = _REST.search(line)
+    found = _REST.search(line.replace('"', ''))
     unit = unit_of(found[1] or found[3] or '', 'm') if found else None
     return float(found[2].replace(',', '.')) * unit.factor if found and unit else None
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import numbers
+from fam_bundle_ros.data.cells import cell_text, is_text, numbers
 from fam_bundle_ros.data.checks import partial_correlations
 from fam_bundle_ros.data.column_names import is_longer, names_rest_length, rest_length_of
 from fam_bundle_ros.data.formats.table import Table
@@ -85,21 +85,52 @@ def stated_rest_length(table: Table) -> tuple[float | None, str]:
     sum of a length and a contraction. None where the file states none; the note is '' unless the
     lines state several.
     """
-    said = list(dict.fromkeys(
-        length for line in table.lines
-        if (length := rest_length_of(_OF_MUSCLE.sub('rest length', line))) is not None))
+    said = _said(table.lines)
     if said:
-        shown = ', '.join(f'{1e3 * length:.4g} mm' for length in said)
         return said[0], '' if len(said) == 1 else (
-            f'several rest lengths in the file: {shown}; the first is taken (--rest-length)')
+            f'several rest lengths in the file: {_shown(said)}; the first is taken '
+            '(--rest-length)')
     for header, column in table.columns.items():
-        name = f"{header} {table.units.get(header, '')}".strip()
-        if rest_length_of(f'{name}=1') is not None:
-            readings = numbers(column)[0]
-            told = np.unique(readings[np.isfinite(readings)])
-            if len(told) == 1:
-                return rest_length_of(f'{name}={told[0]}'), ''
+        if told := _of_column(table, header, column):
+            return told[0] if len(told) == 1 else None, ''
     return _sum_of_lengths(table), ''
+
+
+def refuse_several(table: Table) -> None:
+    """Raise InputError where titles of blocks of rows, or a column, tell several rest lengths."""
+    texts: list[str] = []
+    for column in filter(is_text, table.columns.values()):
+        texts += dict.fromkeys(cell for cell in column if isinstance(cell, str))
+    if table.columns and is_text(first := next(iter(table.columns.values()))):
+        texts += [' '.join(cell_text(column[at]) for column in table.columns.values())
+                  for at in np.flatnonzero(numbers(first)[1])[:_SOME]]
+    found = [_said([*table.lines, *texts]) if _said(texts) else [], *(
+        _of_column(table, header, column) for header, column in table.columns.items())]
+    several = max(found, key=len)
+    if several and max(several) > (1.0 + _APART) * min(several):
+        raise InputError(f'{table.name}: rest lengths of {_shown(several)} in one table; expected '
+                         'one muscle: a file for each, or --rest-length for all rows')
+
+
+def _said(lines: Iterable[str]) -> list[float]:
+    """Return the rest lengths that lines state, m, each once."""
+    return list(dict.fromkeys(
+        length for line in lines
+        if (length := rest_length_of(_OF_MUSCLE.sub('rest length', line))) is not None))
+
+
+def _of_column(table: Table, header: str, column: np.ndarray) -> list[float]:
+    """Return the rest lengths that a column holds, m, each once; [] where it holds none."""
+    name = f"{header} {table.units.get(header, '')}".strip()
+    if rest_length_of(f'{name}=1') is None:
+        return []
+    readings = numbers(column)[0]
+    return [length for told in np.unique(readings[np.isfinite(readings)])
+            if (length := rest_length_of(f'{name}={told}')) is not None]
+
+
+def _shown(lengths: list[float]) -> str:
+    return ', '.join(f'{1e3 * length:.4g} mm' for length in lengths[:4])
 
 
 def _without_unit(table: Table) -> list[str]:
@@ -176,6 +207,8 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
     notes: list[str] = []
     ratio = given
     if choice.in_lengths:
+        if rest.told is None:
+            refuse_several(table)
         if rest.told is None and rest.stated is None:
             notes += _without_unit(table)
         if rest.used is None:

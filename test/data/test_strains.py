@@ -51,8 +51,10 @@ def test_a_column_that_repeats_the_rest_length_tells_it(log):
         assert np.allclose(read.strain, log[1])
         assert "not used: 'L0 [mm]' (the rest length)" in taken_words(read)
     data['L0 [mm]'][-1] = 300.0
-    with pytest.raises(InputError, match='expected a strain, or the rest length'):
-        read_measurement(data)
+    for length in (None, 0.25):  # of the model
+        with pytest.raises(InputError, match='rest lengths of 250 mm, 300 mm in one table'):
+            read_measurement(data, recipe=Recipe(muscle_length=length))
+    assert np.allclose(read_measurement(data, rest_length=0.25).strain, log[1])
 
 
 @pytest.mark.parametrize('rounded', [
@@ -253,3 +255,28 @@ def test_a_second_column_of_the_strain_that_disagrees_is_told(log):
     assert "'length [mm]' tells another strain, by up to 0.024" in note
     table['crosshead [mm]'] -= 3.0
     assert not read_measurement(table, rest_length='127 mm').notes
+
+
+def blocks(log, title):
+    """Return a log in two blocks, each with a title and a head, as testing machines write it."""
+    head = '"Time","Contraction","Load","Air pressure"\n"(s)","(mm)","(N)","(Pa)"'
+    text = ''
+    for at in range(2):
+        text += title(at) + '\n\n' + head + '\n' + ''.join(
+            f'"{t:.3f}","{127 * e:.5f}","{f:.4f}","{p:.1f}"\n'
+            for t, e, p, f in zip(*(each[at::2] for each in log))) + '\n'
+    return text
+
+
+@pytest.mark.parametrize('title', [
+    '"Specimen {}"\n"Rest length","{}.00","mm"', 'Run {}: L0 = {} mm'])
+def test_blocks_tell_their_rest_lengths(tmp_path, log, title):
+    """One that is the same in all is taken; of several the first was, without a word."""
+    path = tmp_path / 'log.csv'
+    path.write_text(blocks(log, lambda at: title.format(at + 1, 127)))
+    strain = np.r_[log[1][::2], log[1][1::2]]
+    assert np.abs(read_measurement(path).strain - strain).max() < 1e-4
+    path.write_text(blocks(log, lambda at: title.format(at + 1, 127 + 5 * at)))
+    with pytest.raises(InputError, match='rest lengths of 127 mm, 132 mm in one table'):
+        read_measurement(path)
+    assert np.abs(read_measurement(path, rest_length='127 mm').strain - strain).max() < 1e-4
