@@ -5,6 +5,7 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from fam_bundle_ros.data import (
@@ -564,3 +565,18 @@ def test_a_factor_in_a_header_is_asked(log, header):
     told = re.search('"force=(.*)"', str(error.value))[1]
     assert np.abs(read_measurement(columns, columns={'force': told}).force - log[3]).max() < 1e-9
     assert len(read_measurement(table(log, force=('Force x [N]', log[3])))) == ROWS
+
+
+@pytest.mark.parametrize('names', [
+    [('clock', 't [s]'), ('muscle', 'strain'), ('muscle', 'pressure [kPa]'), ('cell', 'F [N]')],
+    [('t', 's'), ('strain', ''), ('pressure', 'kPa'), ('F', 'N')]])
+def test_frames_of_several_levels(tmp_path, log, names):
+    """Parquet keeps the levels of a frame as the text of a tuple, which was no name."""
+    frame = pd.DataFrame(np.stack([log[0], log[1], log[2] / 1e3, log[3]], axis=-1))
+    frame.columns = pd.MultiIndex.from_tuples(names)
+    frame.to_parquet(tmp_path / 'log.parquet')
+    for source in (frame, tmp_path / 'log.parquet'):
+        data = read_measurement(source)
+        assert np.allclose(data.force, log[3])
+        assert np.allclose(data.pressure[:, 0], log[2])
+        assert data.time is not None

@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 import re
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.column_names import Match, recognise, unit_text_of
+from fam_bundle_ros.data.unit_names import is_unit
 from fam_bundle_ros.errors import in_short, InputError
 
 #: Largest file that is read, bytes.
@@ -154,10 +156,37 @@ def names_column(text: str, header: str) -> bool:
     return re.search(rf'(?<!\w){re.escape(header)}(?!\w)', text) is not None
 
 
+def _one_name_each(headers: Sequence[Any]) -> list[Any]:
+    """
+    Return headers of several levels as one name each, also as text, as .parquet keeps them.
+
+    Examples
+    --------
+    >>> _one_name_each([('cell', 'force [N]'), "('length', 'mm')", '(F)'])
+    ['force [N]', 'length [mm]', '(F)']
+    >>> _one_name_each([('mu1', 'pressure'), ('mu2', 'pressure')])
+    ['mu1 pressure', 'mu2 pressure']
+    """
+    levels = []
+    for header in headers:
+        if isinstance(header, str) and header.startswith("('") and header.endswith(')'):
+            with suppress(SyntaxError, ValueError):
+                header = ast.literal_eval(header)
+        names = [name for level in header if (name := str(level).strip())] if isinstance(
+            header, tuple) else [header]
+        if len(names) > 1 and is_unit(names[-1]) and not (  # 'strain' is known as a unit
+                len(names[-1]) > 2 and recognise(names[-1]).score > 2):
+            names = [*names[:-2], f'{names[-2]} [{names[-1]}]']
+        levels.append(names or [''])
+    last = [names[-1] for names in levels]
+    return last if len(set(last)) == len(last) else [
+        names[0] if len(names) == 1 else ' '.join(names) for names in levels]
+
+
 def plain_columns(frame: Any) -> dict[str, np.ndarray]:
     """Return a pandas frame's columns as floats, datetimes or text (objects), by header."""
     columns = {}
-    for header, position in zip(unique(frame.columns), range(frame.shape[1])):
+    for header, position in zip(unique(_one_name_each(frame.columns)), range(frame.shape[1])):
         series = frame.iloc[:, position]
         if series.dtype.kind in 'biuf':
             columns[header] = series.to_numpy(float)
