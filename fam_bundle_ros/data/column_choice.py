@@ -38,6 +38,8 @@ _ENOUGH = 2
 NONE = 'none'
 #: Names of a date, which is the clock where it tells the time of day too.
 _DATE = re.compile('date|datum', re.IGNORECASE)
+#: What a recorder writes before the row of names, above the times: 'TAG', 'CH'.
+_KEY = re.compile('tag|tag name|ch|channel|name|signal|kanal', re.IGNORECASE)
 #: Names of counters that go on while the clock runs on.
 _CYCLE = re.compile('cycle|zyklus', re.IGNORECASE)
 #: Fewest rows per trial, on average: a column with more values counts rows.
@@ -117,14 +119,15 @@ class Choices:
                 key = f'pressure.{match.part}'
             found.setdefault(key, []).append((header, match))
         self._one_of_each(found)
+        first = next(iter(self.table.columns))
         for header in list(self.refused):
             if 'time' in self.chosen or 'time' in self.without:
                 break
             column, unnamed = self.table.columns[header], is_unnamed(header)
             if looks_like_time(column) and column[0] != column[-1] and (
                     unnamed or recognise(header).quantity == 'time'  # Time [hh:mm:ss]
-                    or _DATE.fullmatch(header) and ':' in cell_text(column[0])
-                    and holds_times(column)):
+                    or (_DATE.fullmatch(header) and ':' in cell_text(column[0])
+                        or header == first and _KEY.fullmatch(header)) and holds_times(column)):
                 self.chosen['time'] = Choice(header, why='dates without a name' if unnamed else '')
                 del self.refused[header]
 

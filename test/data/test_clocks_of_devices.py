@@ -140,3 +140,13 @@ def test_topics_with_and_without_stamps_are_read_when_they_were_received(first, 
     assert np.allclose(data.force, force(TIME, muscle))
     assert np.allclose(data.strain, strain(TIME))
     assert "'/cell/wrench' has stamps and '/pam/pressure_kPa' has none" in ' '.join(data.notes)
+
+
+def test_times_below_a_key_are_the_clock(tmp_path, log):
+    """A recorder writes 'TAG' before the names: its times made the log a static map."""
+    path = tmp_path / 'log.csv'
+    path.write_text('CH,CH1,CH2,CH3\nTAG,Force,Pressure,Contraction\nUNIT,N,Pa,%\n' + ''.join(
+        f'10:20:{t:06.3f},{f:.4f},{p:.1f},{100 * e:.5f}\n' for t, e, p, f in zip(*log)))
+    data = read_measurement(path)
+    assert data.time is not None
+    assert np.ptp(data.time) == pytest.approx(np.ptp(log[0]))
