@@ -131,3 +131,18 @@ def test_a_blank_unit_is_the_only_one(log, word):
         read_measurement(data)
     told = read_measurement(data, columns={'force': 'Force [kN]'})
     assert np.allclose(told.force, log[3])
+
+
+@pytest.mark.parametrize('sign', '.,')
+def test_cells_with_units_of_their_own(tmp_path, log, sign):
+    """An instrument that switches its range: 1.5 bar, then 980 mbar."""
+    cells = [f'{p / 1e5:.5f} bar' if p > 2e5 else f'{p / 100:.3f} mbar' for p in log[2]]
+    text = 't [s];strain;pressure;F [N]\n' + ''.join(
+        f'{t:.3f};{e:.6f};{cell};{f:.5f}\n' for t, e, cell, f in zip(
+            log[0], log[1], cells, log[3]))
+    path = tmp_path / 'log.csv'
+    path.write_text(text.replace('.', sign))
+    assert np.allclose(read_measurement(path).pressure[:, 0], log[2])
+    path.write_text(text.replace('.', sign).replace('mbar', 'mm'))  # of no pressure
+    with pytest.raises(InputError, match="'pressure' text"):
+        read_measurement(path)

@@ -20,12 +20,14 @@ import warnings
 
 import numpy as np
 
-from fam_bundle_ros.data.cells import BLANKS, is_number, numbers, with_unit
+from fam_bundle_ros.data.cells import BLANKS, is_number, number, numbers, with_unit
+from fam_bundle_ros.data.column_names import QUANTITIES
 from fam_bundle_ros.data.formats.dialect import BLANK, Dialect, is_comment, sniff, split
 from fam_bundle_ros.data.formats.encodings import encoding_of
 from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
+from fam_bundle_ros.data.unit_names import unit_of
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 from fam_bundle_ros.told import counted
@@ -130,6 +132,9 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     words = [at for at, cell in enumerate(cells) if isinstance(cell, str)]
     texts = [cells[at] for at in words]
     first = with_unit(texts[0], decimal) if texts else None
+    if first and (readings := _in_unit(first[1], texts, decimal)) is not None:
+        cells[words] = readings
+        return numbers(cells)[0], first[1]
     if first and all(text.rstrip().endswith(first[1]) for text in texts):
         unit = first[1]  # each cell carries it: '12.5 mm'
         texts = [text.rstrip().removesuffix(unit).strip() for text in texts]
@@ -144,6 +149,19 @@ def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, 
     cells[words] = texts
     values, others = numbers(cells)
     return cells if others.any() else values, unit
+
+
+def _in_unit(first: str, texts: list[str], decimal: str) -> np.ndarray | None:
+    """Return readings of several units, '1.2 bar' and '980 mbar', in the first; else None."""
+    pairs = [with_unit(text, decimal) for text in texts]
+    units = {pair[1]: None for pair in pairs if pair}
+    like = next((like for like in QUANTITIES.values() if unit_of(first, like)), '')
+    known = {text: unit for text in units if (unit := unit_of(text, like))}
+    if len(units) < 2 or not all(pairs) or known.keys() != units.keys() or len(
+            {unit.absolute for unit in known.values()}) > 1:
+        return None
+    return np.array([number(pair[0], decimal) * known[pair[1]].factor / known[first].factor
+                     for pair in pairs if pair])
 
 
 def _lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
