@@ -21,6 +21,7 @@ from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.table import names_column
 from fam_bundle_ros.data.formats.titles import titled
 from fam_bundle_ros.data.formats.unit_columns import with_unit_columns
+from fam_bundle_ros.data.formats.ways import one_way_below_the_other
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
 from fam_bundle_ros.resources import data_path
@@ -228,7 +229,8 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
     told = recipe.columns
     side_by_side = partial(unstacked, told=told)
     for change in (oldest_first, with_stamps, wide, without_bad, partial(
-            with_unit_columns, told=told.values()), titled, side_by_side):
+            with_unit_columns, told=told.values()), titled, one_way_below_the_other,
+                   side_by_side):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
         asked = any(names_column(text, header) for header in gone for text in told.values())
