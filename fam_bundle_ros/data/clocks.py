@@ -155,6 +155,32 @@ def holds_times(column: np.ndarray) -> bool:
     return 2 * len(set(cells)) > len(cells) and all(map(is_time, cells))
 
 
+def of_calendar(numbers: np.ndarray) -> np.ndarray | None:
+    """
+    Return the seconds of times that are written as one number, None for other numbers.
+
+    Examples
+    --------
+    >>> of_calendar(np.array([20261231235959.5, np.nan, 20270101000000.0])).tolist()
+    [0.0, nan, 0.5]
+    """
+    known = np.isfinite(numbers)
+    values = numbers[known]
+    if not len(values) or values.min() < 1.9e13 or values.max() >= 2.2e13:
+        return None
+    whole = values.astype(np.int64)
+    year, month, day, hour, minute, second = (
+        whole // 10 ** (2 * at) % (100 if at < 5 else 10_000) for at in range(5, -1, -1))
+    if (month < 1).any() or (month > 12).any() or (day < 1).any() or (day > 31).any() or (
+            hour > 23).any() or (minute > 59).any() or (second > 59).any():
+        return None
+    days = ((12 * (year - 1970) + month - 1).astype('M8[M]').astype('M8[D]').astype(int) + day)
+    clock = 86400 * days + 3600 * hour + 60 * minute + second + values % 1.0
+    seconds = np.full(len(numbers), np.nan)
+    seconds[known] = clock - clock[0]
+    return seconds
+
+
 def may_be_clock(table: Table, used: Collection[str | None]) -> str:
     """Return a note on an unused column that may be the clock of a table without one, or ''."""
     rate = rate_in(table.above)
@@ -169,7 +195,8 @@ def may_be_clock(table: Table, used: Collection[str | None]) -> str:
             continue
         even = np.ptp(steps) <= _EVEN * np.median(steps)
         text = table.unit_text(header)  # not of time, or it would be the clock: '10 ms'
-        unit = f'* {text}' if text else '[ms]' if np.median(steps) > 1.0 else '[s]'
+        unit = '[ms]' if np.median(steps) > 1.0 else '[s]'
+        unit = f'* {text}' if text and text[0].isdigit() else unit
         tell = ('counts the rows: if they are evenly spaced in time, tell their rate, --columns '
                 f'"time={shown}"{as_said}' if (steps == 1.0).all() else
                 f'rises {"evenly" if even else "throughout"}: if it is the clock, tell it, '

@@ -248,6 +248,9 @@ class _Reader:
         clock, words = numbers(column)
         self._refuse_words(header, words & rows)
         clock = self._run_on(header, clock)
+        if choice.unit is None and (calendar := clocks.of_calendar(clock)) is not None:
+            choice.why = 'digits of date and time'
+            return calendar * choice.sign + offset
         if choice.unit is None:
             choice.unit, choice.why = self._unit_stated(header, 'time')
         if choice.unit is None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement, taken_words
+from fam_bundle_ros.data.clocks import of_calendar
 from fam_bundle_ros.errors import InputError
 
 from .sampled import force, padded, pressure, strain, TIME
@@ -282,3 +283,26 @@ def test_a_clock_that_may_be_is_named_with_what_the_file_says(tmp_path, log):
     days = {'datenum': 739000.4 + log[0] / 86400, 'strain': strain, 'p [Pa]': pressure,
             'F [N]': force}
     assert np.ptp(read_measurement(days).time) == pytest.approx(log[0][-1], abs=1e-4)
+
+
+@pytest.mark.parametrize('end', ['', '.5'])
+def test_digits_of_date_and_time_are_no_milliseconds(tmp_path, log, end):
+    """'20261231235959' was a time of the year 2612 in ms, and the log a thousandth as long."""
+    _, strain, pressure, force = log
+    stamps = [f'20261231{23:02d}{58 + at // 60:02d}{at % 60:02d}{end}' if at < 120 else
+              f'20270101{0:02d}{(at - 120) // 60:02d}{at % 60:02d}{end}'
+              for at in range(len(strain))]
+    path = tmp_path / 'log.csv'
+    path.write_text('timestamp,strain,p [Pa],F [N]\n' + ''.join(
+        f'{stamp},{e:.5f},{p:.1f},{f:.3f}\n'
+        for stamp, e, p, f in zip(stamps, strain, pressure, force)))
+    data = read_measurement(path)
+    assert np.allclose(np.diff(data.time), 1.0)
+    assert data.taken[0].why == 'digits of date and time'
+
+
+@pytest.mark.parametrize('numbers', [
+    [1.764e12, 1.764e12 + 50], [20261331000000.0, 20261331000001.0], [20261128102060.0] * 2])
+def test_other_numbers_are_no_digits_of_a_date(numbers):
+    """Milliseconds since 1970, month 13, second 60."""
+    assert of_calendar(np.array(numbers)) is None
