@@ -30,9 +30,11 @@ BLANKS = ('', '-', '--', '---', '----', '\u2013', '.', '..', '...', '?', '*', '*
           'underflow', 'underrange', 'out of range', 'missing', 'invalid', 'no data', 'nodata')
 _BLANKS = frozenset(BLANKS)
 _NUMBER = {
-    '.': re.compile(r'[-+]?(\d+(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),
-    ',': re.compile(r'[-+]?(\d+(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
+    '.': re.compile(r'[-+]?([1-9]\d{0,2}(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),
+    ',': re.compile(r'[-+]?([1-9]\d{0,2}(\.\d{3})+(,\d*)?|\d+,?\d*|,\d+)([eEdD][-+]?\d+)?'),
 }
+#: No group of thousands, whichever sign the decimals of the file have.
+_FRACTION = re.compile(r'[-+]?0[.,]\d+')
 _DATE = r'\d{1,4}[-./ ](?:\d{1,2}|[^\W\d_]{3,9})[-./ ]\d{1,4}'
 #: A time of day or a duration; its groups are days, hours, minutes, seconds, and AM or PM.
 CLOCK = re.compile(r'(?:(\d+) days?,?\s+)?(?:(\d+):)?(\d{1,3}):(\d{1,2}(?:[.,]\d+|:\d{3})?)\s*'
@@ -102,8 +104,9 @@ def in_groups(cells: Sequence[str], sign: str) -> bool:
 
 
 def is_reading(cell: str, decimal: str = '.') -> bool:
-    """Return whether a cell holds a number, a date or a time of day."""
-    return is_number(cell, decimal) or is_time(cell) or with_unit(cell, decimal) is not None
+    """Return whether a cell holds a number, a date or a time of day; '0,5' is one in any file."""
+    return (is_number(cell, decimal) or is_time(cell) or with_unit(cell, decimal) is not None
+            or _FRACTION.fullmatch(cell.strip()) is not None)
 
 
 def with_unit(cell: str, decimal: str = '.') -> tuple[str, str] | None:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where names end and data begin in a grid of text, and what cells are."""
 
+import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement
@@ -195,3 +196,41 @@ def test_a_row_of_factors_is_told(tmp_path, log):
     path.write_text('time [s],strain,p [Pa],F [N]\nscale,1,1,0.01\n' + rows)
     note, = read_measurement(path).notes
     assert note.startswith("above the rows stands 'scale,1,1,0.01': the readings are taken as")
+
+
+@pytest.mark.parametrize('comma', [(0, 1), (1, 3), (0, 3)])
+def test_columns_with_a_decimal_sign_of_their_own(tmp_path, log, comma):
+    """'0,123' groups no thousands: a force of 14,647 N beside points was one of 14 kN."""
+    rows = ''
+    for row in zip(log[0], log[1], log[2] / 1e6, log[3] / 20):
+        rows += ';'.join(f'{cell:.3f}'.replace('.', ',' if at in comma else '.')
+                         for at, cell in enumerate(row)) + '\n'
+    path = tmp_path / 'log.csv'
+    path.write_text('t [s];strain;p [MPa];F [N]\n' + rows)
+    data = read_measurement(path)
+    assert len(data) == len(log[0])
+    assert np.allclose(data.time, log[0], atol=1e-3)
+    assert np.allclose(data.strain, log[1], atol=1e-3)
+    assert np.allclose(data.force, log[3] / 20, atol=1e-3)
+
+
+def test_commas_that_may_be_of_decimals_are_asked(tmp_path, log):
+    """'3,556' in all rows of the only column with commas: a note says how it was read."""
+    path = tmp_path / 'log.csv'
+    for force, notes in ((log[3] / 20, 1), (log[3] / 300, 0)):
+        path.write_text('t [s];strain;p [Pa];F [mN]\n' + ''.join(
+            f'{t:.3f};{e:.3f};{p:.1f};' + f'{f:.3f}\n'.replace('.', ',')
+            for t, e, p, f in zip(*log[:3], force)))
+        data = read_measurement(path)
+        assert sum("comma in all cells of 'F [mN]'" in note for note in data.notes) == notes
+
+
+def test_joined_files_with_marks_of_their_own(tmp_path, log):
+    """A byte order mark before the second header made it another header."""
+    rows = 't [s],strain,p [Pa],F [N]\n' + ''.join(
+        f'{t:.3f},{e:.5f},{p:.1f},{f:.4f}\n' for t, e, p, f in zip(*log))
+    path = tmp_path / 'log.csv'
+    path.write_text(f'\ufeff{rows}\ufeff{rows}', encoding='utf-8')
+    data = read_measurement(path)
+    assert len(data) == 2 * len(log[0])
+    assert len(data.trial_names) == 2

@@ -40,6 +40,8 @@ _GROUPS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f](?=\\d{3}(?!\\d))")
 _MINUS = re.compile('\u2212(?=[.,]?\\d)')
 #: 1 234,5.
 _SPACED = re.compile(r'[-+]?\d{1,3}( \d{3})+([.,]\d*)?')
+#: 1,234: one group of three digits.
+_THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
 #: A quote that begins a cell and does not end on its line, and the most lines of such a header.
 _OPEN, _TALLEST = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$'), 16
 #: What the serial monitor of the Arduino IDE writes before each line.
@@ -101,15 +103,20 @@ def _read(path: Path, encoding: str, drop_bad: bool) -> Table:
             raise _bad_line(path.name, error, rows) from error
     columns, at = {}, np.frombuffer(rows.numbers, np.int64)[:total]
     units = {}
-    for i, (name, own) in enumerate(zip(names, dialect.names)):
+    parts = [[piece[i] for piece in pieces] for i in range(dialect.width)]
+    commas = [_commas(part) for part in parts]
+    asked = [] if ',' in commas else [name for name, sign in zip(names, commas) if sign == '?']
+    for name, own, part, sign in zip(names, dialect.names, parts, commas):
         unit = dialect.units.get(own, '')
-        columns[name], unit = _numbers_or_text([piece[i] for piece in pieces], dialect.decimal,
-                                               unit)
+        columns[name], unit = _numbers_or_text(
+            part, ',' if sign == '?' and ',' in commas else dialect.decimal, unit)
         if unit:
             units[name] = unit
     return Table(path.name, dialect.words, columns, units, at, above=tuple(head[:skipped]),
                  remarks=tuple(rows.remarks),
-                 notes=tuple(filter(None, [dialect.note, rows.note])),
+                 notes=tuple(filter(None, [dialect.note, rows.note, *(
+                     f"the comma in all cells of '{name}' is taken to group thousands: is it that "
+                     'of decimals?' for name in asked)])),
                  blanks=partial(_cell, path, encoding, dialect.separator, names))
 
 
@@ -122,6 +129,19 @@ def _cell(path: Path, encoding: str, separator: str, names: list[str], header: s
     except OSError:  # an uploaded file may be deleted by now
         return ''
     return dict(zip(names, split(line, separator))).get(header, '')
+
+
+def _commas(parts: list) -> str:
+    """Return ',' for a column with decimal commas, '?' if they may group thousands, else ''."""
+    if all(part.dtype.kind in 'biuf' for part in parts):
+        return ''
+    cells = [cell for part in parts for cell in part.to_numpy(object) if cell == cell]
+    texts = [cell for cell in cells if isinstance(cell, str)]
+    if len(texts) < len(cells) or not all(is_number(text, ',') for text in texts):
+        return ''
+    if all(_THOUSANDS.fullmatch(text) for text in texts):
+        return '?'
+    return '' if all(is_number(text, '.') for text in texts) else ','
 
 
 def _numbers_or_text(parts: list, decimal: str, unit: str) -> tuple[np.ndarray, str]:
@@ -186,6 +206,7 @@ def _checked_lines(name: str, stream: io.TextIOBase) -> Iterator[str]:
         number += 1
         if "'" in line or not line.isascii():
             line = _MINUS.sub('-', _GROUPS.sub('', line))
+            line = line.removeprefix('\ufeff')  # of files that were joined
         if line[:1] in '[(':
             line = _TUPLE.sub(r'\1', line)
         if ' -> ' in line:
