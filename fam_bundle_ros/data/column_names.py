@@ -175,6 +175,8 @@ def recognise(header: str, unit_text: str = '') -> Match:
     if rest_length_of(f'{header} {unit_text}=1') is not None:
         return Match('', why='the rest length')
     header = _DSPACE.sub('', _plain(header))
+    if header.startswith(('\u00b1', '+/-')):
+        return Match('', why='an uncertainty')
     if factor := factor_of(header):
         return Match('', why=f"'{factor}' in its name: tell what one is worth")
     best = Match('')

@@ -56,6 +56,8 @@ _MEASURES = _PREFIXED | frozenset("""minute hour day inch foot yard micron pound
     force_pound force_ounce force_kilogram force_metric_ton kip kip_per_square_inch inch_Hg
     inch_H2O standard_atmosphere technical_atmosphere percent permille ppm""".split())
 _PREFIXES = frozenset("""giga mega kilo hecto deca deci centi milli micro nano""".split()) | {''}
+#: Letters of a unit that is no word.
+_ABBREVIATION = 4
 _ABSOLUTE = re.compile(r'^(?P<unit>.*?)[\s_(\[]*(?:(?P<abs>absolute|absolut|abs|a)|'
                        r'(?P<gauge>gauge|relative|relativ|rel|g|\u00fc))[.)\]]*$', re.IGNORECASE)
 
@@ -123,6 +125,8 @@ def _factor(text: str, like: str) -> float | None:
         return _UNITS[like][key]
     if like not in _UNITS or not re.search('[A-Za-z]', plain) or re.match(r'\d', plain):
         return None  # 'P 2 kPa' is a second pressure
+    if text.istitle() and len(text) > _ABBREVIATION:
+        text = text.casefold()  # 'Millibar', not 'Pa'
     try:
         return si_factor(text, like) if _is_measure(text) else None
     except InputError:

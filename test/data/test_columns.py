@@ -580,3 +580,11 @@ def test_frames_of_several_levels(tmp_path, log, names):
         assert np.allclose(data.force, log[3])
         assert np.allclose(data.pressure[:, 0], log[2])
         assert data.time is not None
+
+
+def test_spelt_units_and_uncertainties(log):
+    """'Millibar' with a capital is a unit; a column '\u00b1F' is no second force."""
+    columns = table(log, pressure=('Druck in Millibar', log[2] / 100))
+    data = read_measurement({**columns, '\u00b1force [N]': 0.1 + 0 * log[0]})
+    assert np.allclose(data.pressure[:, 0], log[2])
+    assert np.allclose(data.force, log[3])
