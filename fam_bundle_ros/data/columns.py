@@ -34,6 +34,7 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
+from fam_bundle_ros.data.several_muscles import several_muscles
 from fam_bundle_ros.data.stated_units import stated_unit
 from fam_bundle_ros.data.strains import (
     other_strains,
@@ -130,7 +131,7 @@ class _Reader:
                   if note != ONE_CLOCK or 'time' not in self.recipe.columns),
                 *([f"above the rows stands '{scale[:60]}': the readings are taken as they are; if "
                    'these factors are to be applied, tell them, --columns "force=F * 0.1 N"']
-                  if scale else [])]
+                  if scale else []), *several_muscles(self.table)]
 
     def _supplies(self, pressure: np.ndarray) -> list[str]:
         """Return the question whether the highest pressure is a supply, if no name denies it."""

@@ -588,3 +588,16 @@ def test_spelt_units_and_uncertainties(log):
     data = read_measurement({**columns, '\u00b1force [N]': 0.1 + 0 * log[0]})
     assert np.allclose(data.pressure[:, 0], log[2])
     assert np.allclose(data.force, log[3])
+
+
+@pytest.mark.parametrize(('header', 'values'), [
+    ('specimen', ['A', 'B']), ('Muscle ID', [1.0, 2.0]), ('motor_unit', [1.0, 2.0]),
+    ('Pr\u00fcfling', ['7', '8', '9', '10'])])
+def test_rows_of_several_muscles_are_told(log, header, values):
+    """Two specimens in one table were diagnosed as one without a word."""
+    cells = np.resize(np.array(values, object if isinstance(values[0], str) else float), ROWS)
+    note, = read_measurement({**table(log), header: cells}).notes
+    assert note.startswith(f"'{header}' is {values[0]:g}, " if isinstance(values[0], float) else
+                           f"'{header}' is {values[0]}, ")
+    assert 'all rows are read as one muscle' in note
+    assert not read_measurement({**table(log), header: np.full(ROWS, values[0], object)}).notes
