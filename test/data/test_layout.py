@@ -234,3 +234,19 @@ def test_joined_files_with_marks_of_their_own(tmp_path, log):
     data = read_measurement(path)
     assert len(data) == 2 * len(log[0])
     assert len(data.trial_names) == 2
+
+
+def test_heads_of_blocks_that_are_wider_than_the_table(tmp_path, log):
+    """A line of settings with a time in it stood for a row of too many cells."""
+    text = 'MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nTest File Name:\tfam.000\n'
+    for block in range(2):
+        text += (f'Data Header:\tCycle {block + 1}\tTime:\t{6.0 * block:.4f}\tSec\t'
+                 '11/28/2026 10:20:00 AM\nRunning Time\tStrain\tAxial Force\tMuscle Pressure\n'
+                 'Sec\t%\tN\tPa\n')
+        text += ''.join(f'{t:.3f}\t{100 * e:.4f}\t{f:.4f}\t{p:.1f}\n' for t, e, p, f in zip(
+            *(each[120 * block:120 * (block + 1)] for each in log)))
+    path = tmp_path / 'log.dat'
+    path.write_text(text)
+    data = read_measurement(path)
+    assert len(data) == len(log[0])
+    assert np.allclose(data.force, log[3], atol=1e-3)

@@ -251,7 +251,7 @@ class _Rows(io.TextIOBase):
             self._at += 1
             if self._at <= self._first or not line.strip(' \t\r\n;,'):
                 continue
-            if is_comment(line):
+            if is_comment(line) or self._is_setting(line):
                 if len(self.remarks) < _REMARKS:
                     self.remarks.append((self._at, line.strip()))
                 continue
@@ -281,6 +281,11 @@ class _Rows(io.TextIOBase):
         width = self._dialect.width
         return line.count(self._separator) >= width and len(
             split(line, self._dialect.separator)) > width
+
+    def _is_setting(self, line: str) -> bool:
+        """Return whether a line too wide for the table is one of settings: 'Data Header:', ..."""
+        return self._too_wide(line.rstrip(self._end)) and split(
+            line, self._dialect.separator)[0].endswith(':')
 
     def _narrow(self, line: str) -> str:
         """Cut a line of words, such as the head of a next test, to as many cells as columns."""
