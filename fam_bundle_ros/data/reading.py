@@ -14,6 +14,7 @@ from fam_bundle_ros.data.bagfile import bag_table, read_bag
 from fam_bundle_ros.data.columns import described, read_columns
 from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
+from fam_bundle_ros.data.formats.fill import filled_down
 from fam_bundle_ros.data.formats.legend import with_legend
 from fam_bundle_ros.data.formats.long import wide
 from fam_bundle_ros.data.formats.quality import without_bad
@@ -230,8 +231,8 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
     told = recipe.columns
     side_by_side = partial(unstacked, told=told)
     for change in (partial(with_legend, told=told.values()), oldest_first, with_stamps, wide,
-                   without_bad, partial(with_unit_columns, told=told.values()), titled,
-                   one_way_below_the_other, side_by_side):
+                   without_bad, partial(with_unit_columns, told=told.values()), filled_down,
+                   titled, one_way_below_the_other, side_by_side):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
         asked = any(names_column(text, header) for header in gone for text in told.values())
