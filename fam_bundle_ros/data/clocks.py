@@ -181,6 +181,34 @@ def of_calendar(numbers: np.ndarray) -> np.ndarray | None:
     return seconds
 
 
+def of_day(numbers: np.ndarray) -> np.ndarray | None:
+    """
+    Return the seconds of times of day written as one number, HHMMSS.f, None for other numbers.
+
+    Seconds that all stop below 60 and go on at the next minute at the pace of the others are such.
+
+    Examples
+    --------
+    >>> of_day(np.array([102057.0, 102058.0, 102059.0, 102100.0])).tolist()
+    [37257.0, 37258.0, 37259.0, 37260.0]
+    """
+    known = np.isfinite(numbers)
+    values = numbers[known]
+    if len(values) < 3 or values.min() < 0.0 or values.max() >= 24e4 or (
+            values % 100.0 >= 60.0).any() or (values // 100.0 % 100.0 >= 60.0).any():
+        return None
+    clock = 3600.0 * (values // 1e4) + 60.0 * (values // 100.0 % 100.0) + values % 100.0
+    steps, raw = np.diff(clock), np.diff(values)
+    over = np.diff(values // 100.0) > 0.0
+    pace = float(np.median(steps))
+    if not over.any() or pace <= 0.0 or (steps[over] > 1.5 * pace).any() or (
+            raw[over] < 40.0).any():
+        return None
+    seconds = np.full(len(numbers), np.nan)
+    seconds[known] = clock
+    return seconds
+
+
 def may_be_clock(table: Table, used: Collection[str | None]) -> str:
     """Return a note on an unused column that may be the clock of a table without one, or ''."""
     rate = rate_in(table.above)

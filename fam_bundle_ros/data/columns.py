@@ -52,7 +52,8 @@ _INCHES = ('psi', 'psia', 'psig', 'in', 'inch', 'inches')
 #: The lowest reading of a vented sensor that shows absolute pressures, Pa.
 _ATMOSPHERE = 94e3, 104e3
 #: Words for the atmosphere in the name of a pressure.
-_AROUND = frozenset('atm atmospheric atmosphere ambient barometric barometer umgebung'.split())
+_AROUND = frozenset("""atm atmospheric atmosphere amb ambient baro barometric barometer
+    umgebung""".split())
 #: Pa: a pressure within this of the lowest is vented too.
 _VENTED = 3e3
 
@@ -252,6 +253,10 @@ class _Reader:
         if choice.unit is None and (calendar := clocks.of_calendar(clock)) is not None:
             choice.why = 'digits of date and time'
             return calendar * choice.sign + offset
+        if choice.why != 'as told' and (choice.unit is None or choice.unit.factor == 1.0) and (
+                day := clocks.of_day(clock)) is not None:
+            choice.why = 'digits of the time of day, HHMMSS'
+            return day * choice.sign + offset
         if choice.unit is None:
             choice.unit, choice.why = self._unit_stated(header, 'time')
         if choice.unit is None:

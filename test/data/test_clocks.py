@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data import read_measurement, taken_words
-from fam_bundle_ros.data.clocks import of_calendar
+from fam_bundle_ros.data.clocks import of_calendar, of_day
 from fam_bundle_ros.errors import InputError
 
 from .sampled import force, padded, pressure, strain, TIME
@@ -306,3 +306,24 @@ def test_digits_of_date_and_time_are_no_milliseconds(tmp_path, log, end):
 def test_other_numbers_are_no_digits_of_a_date(numbers):
     """Milliseconds since 1970, month 13, second 60."""
     assert of_calendar(np.array(numbers)) is None
+
+
+@pytest.mark.parametrize('name', ['Time', 'Time [s]'])
+def test_digits_of_the_time_of_day_do_not_pause(log, name):
+    """102059.9 and 102100.0 are 0.1 s apart: a pause of 40 s began a new trial each minute."""
+    clock = 37200.0 + 0.5 * np.arange(len(log[0]))
+    digits = 1e4 * (clock // 3600) + 100 * (clock // 60 % 60) + clock % 60
+    table = {name: digits, 'strain': log[1], 'p [Pa]': log[2], 'F [N]': log[3]}
+    data = read_measurement(table)
+    assert np.allclose(np.diff(data.time), 0.5)
+    assert data.taken[0].why == 'digits of the time of day, HHMMSS'
+    told = read_measurement(table, columns={'time': f'{name.partition(" ")[0]} [s]'})
+    assert np.diff(told.time).max() == pytest.approx(40.5)
+
+
+@pytest.mark.parametrize('clock', [
+    0.1 * np.arange(240), np.r_[np.arange(50.0, 60.0), np.arange(130.0, 150.0)],
+    np.arange(55.0, 65.0)])
+def test_seconds_are_no_digits_of_the_time_of_day(clock):
+    """No minute is passed, a true pause is longer, seconds go beyond 60."""
+    assert of_day(clock) is None
