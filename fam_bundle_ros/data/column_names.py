@@ -71,8 +71,8 @@ _BETTER = frozenset("""corrected korrigiert calibrated kalibriert tared tariert 
 #: A column with one of these words is not a reading of the muscle.
 _RULED_OUT = frozenset("""setpoint set soll sollwert target desired ref reference cmd command
     demand supply versorgung versorgungs tank source speise speicher ambient umgebung umgebungs
-    luft vor atm atmospheric atmosphere barometric model predicted prediction simulated sim
-    residual error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration
+    luft vor atm amb baro atmospheric atmosphere barometric model predicted prediction simulated
+    sim residual error fehler std sd stddev deviation velocity speed geschwindigkeit acceleration
     temperature temperatur temp voltage volt spannung strom valve ventil derivative noise max min
     limit offset regulator torque moment drehmoment weight gewicht friction reibung diameter
     durchmesser radius radial thickness dicke width breite height hoehe stress modulus vacuum

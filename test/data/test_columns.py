@@ -601,3 +601,12 @@ def test_rows_of_several_muscles_are_told(log, header, values):
                            f"'{header}' is {values[0]}, ")
     assert 'all rows are read as one muscle' in note
     assert not read_measurement({**table(log), header: np.full(ROWS, values[0], object)}).notes
+
+
+@pytest.mark.parametrize('name', ['p_amb [kPa]', 'baro [kPa]', 'p_atm [kPa]'])
+def test_the_atmosphere_beside_an_absolute_pressure_is_told(log, name):
+    """The standard atmosphere was taken off beside a column with that of the day."""
+    columns = table(log, pressure=('p_abs [kPa]', log[2] / 1e3 + 96.0))
+    columns[name] = np.full(ROWS, 96.0)
+    note, = read_measurement(columns).notes
+    assert f'"pressure=p_abs [kPa] - {name}"' in note
