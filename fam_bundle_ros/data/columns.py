@@ -253,7 +253,7 @@ class _Reader:
         if choice.unit is None and (calendar := clocks.of_calendar(clock)) is not None:
             choice.why = 'digits of date and time'
             return calendar * choice.sign + offset
-        if choice.why != 'as told' and (choice.unit is None or choice.unit.factor == 1.0) and (
+        if (choice.unit is None or choice.unit.factor == 1.0) and (
                 day := clocks.of_day(clock)) is not None:
             choice.why = 'digits of the time of day, HHMMSS'
             return day * choice.sign + offset

@@ -235,10 +235,14 @@ def _table(source: Any, path: Path | None, recipe: Recipe, name: str | None) -> 
                    titled, one_way_below_the_other, side_by_side):
         changed = change(table)
         gone = [header for header in table.columns if header not in changed.columns]
-        asked = any(names_column(text, header) for header in gone for text in told.values())
+        made = [header for header in changed.columns if header not in table.columns]
+        # a recipe names the columns that were made
+        names = {key: text for key, text in told.items()
+                 if not any(names_column(text, header) for header in made)}
+        asked = any(names_column(text, header) for header in gone for text in names.values())
         # a pressure that the user tells replaces that of names and titles
-        twice = change in (titled, side_by_side) and 'pressure' in changed.columns.keys() - set(
-            table.columns) and any(key.partition('.')[0] == 'pressure' for key in told)
+        twice = change in (titled, side_by_side) and 'pressure' in made and any(
+            key.partition('.')[0] == 'pressure' for key in names)
         if not asked and not twice:
             table = changed
     return table if name is None else replace(table, name=name)

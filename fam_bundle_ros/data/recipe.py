@@ -139,7 +139,8 @@ def recipe_of(measurement: Measurement, recipe: Recipe) -> Recipe:
         if not taken.quantity or taken.quantity in columns:
             continue
         own = recognise(taken.header).unit
-        unit = f' [{taken.unit}]' if taken.unit and own is None else ''
+        absolute = ' abs' * ('absolute' in taken.why)
+        unit = f' [{taken.unit}{absolute}]' if taken.unit and own is None else ''
         columns[taken.quantity] = ('-' if taken.turned else '') + taken.header + unit
     return replace(recipe, columns=columns)
 

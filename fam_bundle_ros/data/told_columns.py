@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import re
 
-from fam_bundle_ros.data.cells import is_text
+from fam_bundle_ros.data.cells import is_text, looks_like_time
 from fam_bundle_ros.data.column_names import likes, QUANTITIES, unit_for
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of, VOLTS
@@ -157,7 +157,8 @@ def _column(table: Table, base: str, text: str, unit: Unit | None = None) -> Cho
             # what stands in round brackets may be a remark
             said = table.unit_text(header)
             unit = unit_for(base, said) if said else None
-        if unit_text is not None and base != 'trial':
+        if unit_text is not None and base != 'trial' and not (
+                base == 'time' and looks_like_time(table.columns[header])):  # 't [min:s]'
             unit = _fitting(table, base, unit_text, header)
         if unit is not None and base != 'trial' and unit.like not in likes(base):
             unit = None

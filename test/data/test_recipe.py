@@ -92,3 +92,33 @@ def test_a_recipe_is_read_as_it_was_written(told, tmp_path):
     """All options survive, also that pressures are absolute."""
     save_recipe(told, tmp_path / 'lab.yaml')
     assert load_recipe(tmp_path / 'lab.yaml') == told
+
+
+def forms(muscle):
+    """Yield texts of files whose columns are made in reading, or told by more than their names."""
+    time = 0.05 * np.arange(80)
+    strain = 0.1 - 0.1 * np.cos(2 * np.pi * time / 2.0)
+    rows = {level: list(zip(time, strain, muscle(strain, 1e5 * level))) for level in (1, 3, 2)}
+    yield 'titles', ''.join(f'p = {level} bar\ntime [s],strain,F [N]\n' + ''.join(
+        f'{t:.2f},{e:.5f},{f:.4f}\n' for t, e, f in each) for level, each in rows.items())
+    yield 'absolute', 'time,strain,p,F\ns,-,bar abs,N\n' + ''.join(
+        f'{t:.2f},{e:.5f},{2.0 + t / 9:.4f},{f:.4f}\n' for t, e, f in rows[1])
+    yield 'clock', 't [min:s],strain,p [kPa],F [N]\n' + ''.join(
+        f'0:{t:05.2f},{e:.5f},{100 + t:.4f},{f:.4f}\n' for t, e, f in rows[1])
+    legend = '# col 1: time [s]\n# col 2: strain\n# col 3: p [kPa]\n# col 4: force [N]\n'
+    yield 'legend', legend + ''.join(
+        f'{t:.2f} {e:.5f} {100 + t:.4f} {f:.4f}\n' for t, e, f in rows[1])
+    yield 'ways', 'strain,1 bar up [N],1 bar down [N],3 bar up [N],3 bar down [N]\n' + ''.join(
+        f'{e:.5f},{f:.4f},{f + 2:.4f},{3 * f:.4f},{3 * f + 2:.4f}\n' for _, e, f in rows[1][:40])
+
+
+@pytest.mark.parametrize('at', range(5))
+def test_a_recipe_reads_its_own_file_alike(tmp_path, muscle, at):
+    """Of titles it was refused, and of an absolute pressure in a row of units read as gauge."""
+    path = tmp_path / 'log.csv'
+    path.write_text([*forms(muscle)][at][1])
+    first = read_measurement(path)
+    again = read_measurement(path, recipe=recipe_of(first, Recipe()))
+    for name in ('strain', 'force', 'pressure', 'trial'):
+        assert np.array_equal(getattr(first, name), getattr(again, name))
+    assert (first.time is None) == (again.time is None)

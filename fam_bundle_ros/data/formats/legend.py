@@ -39,8 +39,10 @@ def with_legend(table: Table, told: Collection[str] = ()) -> Table:
         keys = {_plain(key): name for key, name in entries.items() if recognise(name).quantity}
         names = {header: keys[_plain(header)] for header in headers
                  if header not in known and _plain(header) in keys}
+    others = [text for text in told
+              if not any(names_column(text, name) for name in names.values())]
     names = {header: name for header, name in names.items()
-             if not any(names_column(text, header) for text in told)}
+             if not any(names_column(text, header) for text in others)}
     if not names:
         return table
     new = unique([names.get(header, header) for header in headers])
