@@ -49,7 +49,9 @@ def stated_unit(lines: Sequence[str], headers: Sequence[str], header: str, quant
 def _stated(line: str, headers: Sequence[str], header: str, quantity: str) -> Iterator[str]:
     """Yield the texts of units in a line that are of a column."""
     lists = _WORD.search(line) is not None
-    parts = [part.strip(' "#\r\n') for part in _BREAK.split(_WORD.sub('', line))]
+    parts = _parts(_WORD.sub('', line))
+    if list(filter(None, parts)) == [part for one in headers for part in _parts(one) if part]:
+        return  # the row of names: a column 'g' is no unit of the column before it
     while parts and not parts[0]:
         del parts[0]
     if lists and len(parts) == 1:  # 'units s psi lbf'
@@ -68,6 +70,10 @@ def _stated(line: str, headers: Sequence[str], header: str, quantity: str) -> It
             yield part
         named = part.casefold() == header.casefold() or not is_unit(part) and (
             recognise(part).score > 1 and _same(recognise(part).quantity, quantity))
+
+
+def _parts(line: str) -> list[str]:
+    return [part.strip(' "#\r\n') for part in _BREAK.split(line)]
 
 
 def _named(parts: Sequence[str]) -> bool:

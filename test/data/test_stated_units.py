@@ -52,6 +52,14 @@ def test_other_lines_state_no_unit(tmp_path, log, line):
     assert any(each.why == 'N guessed, no unit given' for each in data.taken)
 
 
+def test_a_column_beside_another_is_not_its_unit(tmp_path, log):
+    """A column 'g' behind the force, in the row of names, is no unit of it."""
+    path = tmp_path / 'log.csv'
+    path.write_text('t [s],strain,p [kPa],F,g\n' + ''.join(
+        f'{t:.3f},{e:.5f},{p / 1e3:.4f},{f:.4f},9.81\n' for t, e, p, f in zip(*log)))
+    assert np.abs(read_measurement(path).force - log[3]).max() < 1e-3
+
+
 def containers(log):
     """Yield names of files, and what is saved: values in psi and lbf, units beside them."""
     values = {'t': log[0], 'strain': log[1], 'pressure': log[2] / PSI, 'force': log[3] / LBF}
