@@ -38,7 +38,8 @@ def same(data, forces, above=0.0):
 
 @pytest.mark.parametrize('title', [
     'Pressure: {} bar', 'Test {}: p = {} bar', 'Versuch bei {} bar', 'p_set = {} bar', '{} bar',
-    '# {} bar', 'Isobar at {} bar', 'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **',
+    '# {} bar', 'Isobar at {} bar', 'Druckstufe {} bar', 'Isobar {}: {} bar', 'Run {} - {} bar',
+    'Block {}, p_soll = {} bar', '** 12.5 N @ {} bar **',
     'Specimen {}\nPressure,{},bar',
     'Probe {},,\nDate,3.5.2026,\nInnendruck: {} bar\nOperator,KM,'])
 def test_each_block_has_the_pressure_of_its_title(title, blocks, tmp_path):
@@ -149,6 +150,15 @@ def test_a_pressure_above_a_table_may_be_quoted_cells(blocks, tmp_path):
     """As testing machines write settings: a name, a value and a unit, each in quotes."""
     with pytest.raises(InputError, match='"pressure=250 kPa"'):
         read(tmp_path, f'"Preload","5.0","N"\n"Pressure","2.5","bar"\n{HEAD}\n' + blocks[0][0])
+
+
+@pytest.mark.parametrize('title', ['Test {}: pressure 0-{} bar', 'Run {}, p = 0.5 to {} bar'])
+def test_a_range_is_no_pressure_of_a_block(title, blocks, tmp_path):
+    """Of a sweep up to 3 bar all rows were read at 3 bar."""
+    rows, _ = blocks
+    with pytest.raises(InputError, match="column 'pressure' is missing"):
+        read(tmp_path, '\n'.join(f'{title.format(k, level)}\n{HEAD}\n{block}' for k, (
+            level, block) in enumerate(zip(LEVELS, rows), 1)))
 
 
 def test_titles_with_two_values_are_no_rows(tmp_path, log):

@@ -17,8 +17,10 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 
 _NUMBER = re.compile(r'(?<![\w.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?(?:abs|rel)\b\.?)?)(?!\w)')
+#: What stands between the ends of a range: '0-300 kPa', '1 to 3 bar'.
+_RANGE = re.compile(r'\d(-+|\u2013|\s*(->|\u2192|\.{2,3}|\u2026|to|bis)\s*)$')
 #: Words before a pressure that make it that of the rows below.
-_AT = ('p', 'at', 'bei')
+_AT = ('p', 'at', 'bei', 'druckstufe', 'stufe', 'level', 'isobar', 'isobare')
 _SETPOINT = frozenset('set setpoint soll sollwert target nominal command cmd'.split())
 
 
@@ -103,8 +105,10 @@ def _title(row: int, line: str, sure: bool = True) -> Title | None:
     if len(found) != 1 or len(text) > 200:
         return None
     (match, unit), = found
+    if _RANGE.search(text[:match.start()]):
+        return None
     before = re.split(r'[,;\t]|\s-\s', text[:match.start()])[-1].strip(' :=')
-    words, meant = words_of(before), recognise(before)
+    words, meant = [word for word in words_of(before) if not word.isdigit()], recognise(before)
     told = meant.quantity in ('pressure', 'trial') or bool(_SETPOINT & set(words))
     if sure and not told and ('no reading' in meant.why or words and words[-1] not in _AT
                      and not before.endswith('@')):
