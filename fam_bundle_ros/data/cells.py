@@ -26,8 +26,9 @@ BLANKS = ('', '-', '--', '---', '----', '\u2013', '.', '..', '...', '?', '*', '*
           'none', 'nil', 'inf', '+inf', '-inf', 'infinity', '-infinity', '1.#ind', '-1.#ind',
           '1.#qnan', '-1.#qnan', '1.#inf', '-1.#inf', '#n/a', '#nv', '#na', '#div/0!', '#value!',
           '#wert!', '#ref!', '#bezug!', '#num!', '#zahl!', '#name?', '#null!', 'ol', '+ol', '-ol',
-          'o.l.', 'ovl', 'ovld', 'ovfl', 'over', 'overflow', 'overload', 'overrange', 'over range',
-          'underflow', 'underrange', 'out of range', 'missing', 'invalid', 'no data', 'nodata')
+          'o.l.', 'o.f.', 'ovl', 'ovld', 'ovfl', 'over', '+over', '-over', 'overflow', 'overload',
+          'overrange', 'over range', 'underflow', 'underrange', 'out of range', 'missing',
+          'invalid', 'no data', 'nodata')
 _BLANKS = frozenset(BLANKS)
 _NUMBER = {
     '.': re.compile(r'[-+]?([1-9]\d{0,2}(,\d{3})+(\.\d*)?|\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?'),

@@ -229,7 +229,8 @@ def test_a_row_of_more_cells_than_columns_is_refused_or_left_out(log, tmp_path, 
 def test_words_for_no_reading_are_blank_cells(log, tmp_path):
     """What C, Excel and instruments write for no number leaves its row out, in any case."""
     rows = cells(log)
-    words = ['-nan(ind)', '1.#QNAN', '#DIV/0!', '#WERT!', 'OVERFLOW', 'OL', 'Over range', 'inf']
+    words = ['-nan(ind)', '1.#QNAN', '#DIV/0!', '#WERT!', 'OVERFLOW', 'OL', 'Over range', 'inf',
+             '+OVER', 'O.F.']
     for k, word in enumerate(words):
         rows[10 * k][3] = word
     (tmp_path / 'a.csv').write_text(text([HEAD], rows))
