@@ -44,7 +44,7 @@ class EmergencyStop:
         self.on = False
         self.doubt = ''
         self._heard = False
-        node.subscribe(interface.E_STOP, Bool, self.take, interface.LATCHED)
+        node.subscribe(interface.E_STOP, Bool, self.take, interface.E_STOP_HEARD)
 
     def take(self, message: Bool) -> None:
         """Take a message."""

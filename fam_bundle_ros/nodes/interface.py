@@ -152,6 +152,9 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 #: ones back, until the publisher's history has passed.
 REPEATED = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+#: For the subscribers of the emergency stop: a stop that is released before the subscriber comes
+#: to look must not be replaced by its release.
+E_STOP_HEARD = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def stream_qos(lock_step: bool) -> QoSProfile:

@@ -81,7 +81,7 @@ class _Listener(BundleNode):
         self.bad: dict[str, str] = {}
         #: Whether `e_stop` was received with the QoS of the controllers.
         self.stop_heard = False
-        self.subscribe(interface.E_STOP, Bool, self._on_stop, interface.LATCHED)
+        self.subscribe(interface.E_STOP, Bool, self._on_stop, interface.E_STOP_HEARD)
 
     def _on_stop(self, message: Bool) -> None:
         self.stop_heard = True

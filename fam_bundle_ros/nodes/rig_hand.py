@@ -121,7 +121,7 @@ class Hand(BundleNode):
         self.subscribe(interface.FORCE, WrenchStamped, self._on_force)
         self.subscribe(interface.STRAIN, JointState, self._on_strain)
         self.subscribe(interface.SUPPLY, FluidPressure, self._on_supply)
-        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.LATCHED)
+        self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.E_STOP_HEARD)
         self.every(0.5 * PERIOD, self._beat)
 
     def others(self) -> list[str]:

@@ -354,6 +354,20 @@ def test_an_emergency_stop_stays_in_log_and_diagnostics(graph, rig, capfd):
     assert 'emergency stop' not in said(rig.node)
 
 
+def test_a_stop_that_is_released_at_once_is_not_missed(graph, rig):
+    """Both messages wait when the controllers come to look, as after a busy moment."""
+    rig = rig(e_stop=False, enable=False)
+    button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+    button.publish(Bool(data=False))
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    button.publish(Bool(data=True))
+    button.publish(Bool(data=False))
+    graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
+    assert 'OFF since an emergency stop' in said(rig.node)
+    graph.until(lambda: not rig.leave[0], 'the end of supply_enable')
+
+
 def said(node):
     """Return the message of a node's diagnostics."""
     report = Report()
