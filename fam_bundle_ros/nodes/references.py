@@ -20,10 +20,11 @@ _SHARE = 0.25
 _PATIENCE = 2.0
 _UNITS = {'force': ' N', 'strain': ''}
 #: What the saturation of the command says about a reference that is missed.
-_REACH = {'high': 'out of reach, the pressures are at their highest',
-          'low': 'out of reach, the pressures are at their lowest',
+_REACH = {'high': 'out of reach, by the model no pressures give more force',
+          'low': 'out of reach, by the model no pressures give less force',
           'gap': 'not in reach of the present recruitment state',
           '': 'the pressures are not at their limits'}
+_ENDS = 'high', 'low'
 
 
 class MovingReference:
@@ -92,6 +93,9 @@ class OffTarget:
     ...     watch.update(now, Reference('force', 60.0), {'force': 23.0, 'strain': 0.1})
     >>> watch.text
     'force is 23 N, reference is 60 N, for 3.0 s: the pressures are not at their limits'
+    >>> watch.update(3.0, Reference('force', 60.0), {'force': 2.0, 'strain': 0.28}, 'high')
+    >>> print(watch.text.partition(': ')[2])
+    out of reach, by the model no pressures give more force at a strain of 0.28
     """
 
     def __init__(self, limits: Mapping[str, float]):
@@ -133,7 +137,9 @@ class OffTarget:
             self._since = now - passed
         self._missed = min(max(self._missed + (passed if off else -passed), 0.0), _PATIENCE)
         unit = _UNITS[kind]
+        # A strain sensor that is wrong has other forces out of reach than the muscles.
+        where = f" at a strain of {number(measured['strain'])}" if saturated in _ENDS else ''
         self.text = (f'{kind} is {number(value)}{unit}, reference is '
                      f'{number(reference.value)}{unit}, for {now - self._since:.1f} s: '
-                     f'{_REACH[saturated]}'
+                     f'{_REACH[saturated]}{where}'
                      ) if off and self._missed >= _PATIENCE else ''
