@@ -150,18 +150,20 @@ class BundleNode(Node):
         return announce
 
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], Any],
-                  qos: QoSProfile | None = None) -> Subscription:
+                  qos: QoSProfile | None = None, each: bool = False) -> Subscription:
         """
         Return a subscription; a message that cannot be read is logged and dropped.
 
-        The default QoS is that for samples and commands.
+        The default QoS is that for samples and commands. In a stream of them, errors that differ
+        only in a number are logged as the same error; with ``each``, for messages that are sent
+        by hand, every different one is logged.
         """
         def guarded(message: Any) -> None:
             try:
                 callback(message)
             except InputError as error:
-                # Errors that differ only in a number are logged as the same error.
-                self.say(f'bad {topic} {_NUMBER.sub("", str(error))}', f'{topic}: {error}')
+                same = str(error) if each else _NUMBER.sub('', str(error))
+                self.say(f'bad {topic} {same}', f'{topic}: {error}')
 
         return self.create_subscription(
             kind, topic, guarded, qos or interface.stream_qos(self.lock_step),

@@ -77,7 +77,7 @@ class ReferenceGenerator(BundleNode):
             self._output(kind)
         self._by_message = False
         self.subscribe(interface.TRAJECTORY, JointTrajectory, self._on_trajectory,
-                       interface.RELIABLE)
+                       interface.RELIABLE, each=True)
         self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.E_STOP_HEARD)
         # The rig's samples clock the references, so that both have the same stamps; two sensors,
         # so that one may fail.

@@ -55,6 +55,23 @@ def test_bad_trajectory_leaves_the_old_one(graph, quiet):
     assert node._profile.name == 'p'
 
 
+def test_the_next_bad_trajectory_is_logged_too(graph, capfd):
+    """One that was corrected in the wrong place within seconds must not be refused silently."""
+    graph.add(ReferenceGenerator(context=graph.context))
+    publisher = graph.probe.create_publisher(JointTrajectory, 'reference/trajectory', 10)
+    graph.until(lambda: publisher.get_subscription_count() > 0, 'the generator')
+    log = ''
+    for value in (1e6, 2e6):
+        publisher.publish(JointTrajectory(joint_names=['force'], points=[
+            JointTrajectoryPoint(positions=[value])]))
+
+        def told(text=f'point 1 is {value:g} at 0 s'):
+            nonlocal log
+            log += capfd.readouterr().err
+            return text in log
+        graph.until(told, f'the refusal of {value:g} N', 10.0)
+
+
 def force_over(seconds, **keywords):
     """Return a trajectory of force that is held for a time, s."""
     return JointTrajectory(joint_names=['force'], points=[
