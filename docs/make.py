@@ -39,7 +39,8 @@ TOPICS = {
     'model/force': 'force predicted by the model, N',
     'model/residual': 'measured minus predicted, N',
     'model/state': 'whether the model holds: JSON with holds, words, error_N, noise_N, '
-                   'tolerance_N, where, since_s, diagnosing, candidate; latched',
+                   'tolerance_N, where, since_s, diagnosing, failure (of the last diagnosis), '
+                   'candidate; latched',
     'model/diagnosis': 'result of `diagnose`: the JSON of `fam_bundle diagnose`, with file and '
                        'model_file; latched',
     'model/applied': 'model file that `apply_model` or `restore_model` activated; latched',

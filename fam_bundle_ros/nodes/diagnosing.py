@@ -17,6 +17,7 @@ from typing import Any
 
 from std_msgs.msg import String
 
+from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.worker import Done, Worker
@@ -29,6 +30,8 @@ from fam_bundle_ros.told import number
 
 #: Periods of polling the worker, and of comparing candidate and present model, s.
 _POLL, _LOOK = 0.2, 10.0
+#: What the files of a diagnosis take at most, bytes.
+_ROOM = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -132,13 +135,14 @@ class Diagnosing:
                              f'({100 * self._worker.share:.0f} %): wait for model/diagnosis')
         data = self._watch.memory.measurement(self._watch.since, self._node.get_namespace())
         folder = Path(self._node.p['diagnosis_folder']).expanduser().absolute()
+        _refuse_unwritable(folder)
         name = f'{datetime.now():%Y%m%d_%H%M%S_%f}'[:-3]
         self._worker = Worker(self._watch.bundle, data, folder, name,
                               Choices(most=self._node.p['diagnosis_effects']))
         self._failure = ''
         self._changed()
         return (f'diagnosing {self._watch.bundle.name} on {len(data)} rows of the memory; the '
-                'answer comes on model/diagnosis')
+                'answer comes on model/diagnosis, a failure on model/state')
 
     def _poll(self) -> None:
         self._collect()
@@ -175,6 +179,15 @@ class Diagnosing:
             # the diagnosis ended while the thread was at work
             self.look_closer()
         self._changed()
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    """Refuse a folder that cannot be made or is full: minutes of work would be lost."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f'{folder}: cannot be made ({error.strerror})') from error
+    write_whole(folder / '.room', bytes(_ROOM)).unlink()
 
 
 def look_closer(watch: ModelWatch, file: str, before: Candidate | None

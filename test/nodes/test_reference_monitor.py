@@ -183,6 +183,20 @@ def test_monitor_refuses_a_model_of_other_motor_units(graph, tmp_path):
         node._check({'model': str(other)})
 
 
+def test_no_diagnosis_begins_that_could_not_be_written(graph, quiet, tmp_path):
+    """It takes minutes, and its result would be lost at the end."""
+    occupied = tmp_path / 'occupied'
+    occupied.write_text('')
+    node = graph.add(ModelMonitor(context=graph.context, overrides={
+                         **quiet, 'diagnosis_folder': str(occupied / 'here')}),
+                     PlantSimulator(context=graph.context, overrides={
+                         **quiet, 'load.kind': 'dynamometer', 'load.repeat': True,
+                         'load.profile': 'trajectories/live_strain.yaml'}))[0]
+    graph.until(lambda: f'{occupied}/here: cannot be made' in graph.call(
+        Trigger, 'diagnose').message, 'the refusal, once there are rows', 20.0)
+    assert node._diagnosing._worker is None
+
+
 def test_monitor_sees_a_hidden_effect(graph, quiet, tmp_path):
     """With hidden friction the residual is well above the noise; the true model's is a third."""
     hidden = tmp_path / 'hidden.yaml'
