@@ -79,6 +79,18 @@ def unit_names(units: int) -> list[str]:
     return [f'mu{unit}' for unit in range(1, units + 1)]
 
 
+def in_words(names: Iterable[str]) -> str:
+    """
+    Return the names of a message for an error; an empty one can be seen.
+
+    Examples
+    --------
+    >>> in_words(['strain', '']), in_words([])
+    ("strain, ''", 'none')
+    """
+    return ', '.join(name or "''" for name in names) or 'none'
+
+
 def pressure_topic(unit: int) -> str:
     """Return the name of a motor unit's pressure topic."""
     return f'mu{unit}/pressure'
@@ -263,14 +275,14 @@ def read_strain(message: JointState, length: float) -> tuple[float, float]:
     """
     joints, rates = len(message.name), len(message.velocity)
     if len(message.position) != joints or rates not in (0, joints):
-        raise InputError(f"a strain message names the joints {', '.join(message.name) or 'none'} "
+        raise InputError(f'a strain message names the joints {in_words(message.name)} '
                          f'with {len(message.position)} positions and {rates} velocities; '
                          'expected one position each, and one velocity each or none')
     for joint, scale in (('strain', 1.0), ('contraction', 1.0 / length)):
         if joint in message.name:
             k = message.name.index(joint)
             return message.position[k] * scale, message.velocity[k] * scale if rates else math.nan
-    raise InputError(f"a strain message names the joints {', '.join(message.name) or 'none'}; "
+    raise InputError(f"a strain message names the joints {in_words(message.name)}; "
                      "expected 'strain' or 'contraction'")
 
 
@@ -320,7 +332,7 @@ def read_valve(message: JointState, unit: int) -> float:
     """Return the command for a motor unit's valve; InputError if for another or not -1 to 1."""
     name = f'mu{unit}_valve'
     if list(message.name) != [name] or len(message.effort) != 1:
-        raise InputError(f"a valve command names {', '.join(message.name) or 'nothing'} with "
+        raise InputError(f"a valve command names {in_words(message.name)} with "
                          f"{len(message.effort)} efforts; expected '{name}' with one")
     command = message.effort[0]
     if not -1.0 <= command <= 1.0:
@@ -355,7 +367,7 @@ def read_pressures(message: JointState, units: int) -> tuple[float, ...]:
     """
     names = unit_names(units)
     if sorted(message.name) != sorted(names) or len(message.effort) != units:
-        raise InputError(f"pressures name {', '.join(message.name) or 'nothing'} with "
+        raise InputError(f"pressures name {in_words(message.name)} with "
                          f"{len(message.effort)} efforts; expected {', '.join(names)} with one "
                          'each')
     found = dict(zip(message.name, message.effort))

@@ -203,7 +203,7 @@ def trajectory_profile(message: JointTrajectory, length: float) -> Points:
     """Return the trajectory of a message; the rest length (m) is for a joint ``contraction``."""
     names = list(message.joint_names)
     if len(names) != 1 or names[0] not in ('force', 'strain', 'contraction'):
-        raise InputError(f"trajectory of the joints {', '.join(names) or 'none'}; expected one "
+        raise InputError(f"trajectory of the joints {interface.in_words(names)}; expected one "
                          "of 'force', 'strain', 'contraction'")
     scale = 1.0 / length if names[0] == 'contraction' else 1.0
     kind = 'force' if names[0] == 'force' else 'strain'

@@ -110,3 +110,10 @@ def test_pressures_come_by_name_and_every_unit_needs_one():
     for names, efforts in ((['mu1'], [1e5]), (['mu1', 'mu2'], [1e5]), (['mu1', 'mu1'], [0.0] * 2)):
         with pytest.raises(InputError, match='expected mu1, mu2 with one each'):
             interface.read_pressures(JointState(name=names, effort=efforts), 2)
+
+
+@pytest.mark.parametrize('names, told', [([''], "joints ''; expected"), ([], 'joints none;')])
+def test_an_empty_name_of_a_joint_can_be_seen_in_the_refusal(names, told):
+    """It is not the same as no joint."""
+    with pytest.raises(InputError, match=told):
+        interface.read_strain(JointState(name=names, position=[0.1] * len(names)), 0.127)

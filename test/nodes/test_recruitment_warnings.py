@@ -70,7 +70,8 @@ def test_diagnostics_warn_of_a_force_that_is_not_reached(graph, bundle):
     assert node._off_target.text == ''
     graph.advance(rig, 1.2)
     graph.until(lambda: warned(' N, reference is 400 N, for')
-                and warned(' s: out of reach, by the model no pressures give more force at a'), 'the warning')
+                and warned(' s: out of reach, by the model no pressures give more force at a'),
+                'the warning')
     assert 'off target' in node._said
     graph.advance(rig, 1.3)
     assert node._off_target.text == ''
