@@ -8,6 +8,7 @@ Needs the package rosbags (extra ``tools``), not rosbag2.
 
 from collections.abc import Callable, Iterable
 from contextlib import closing, ExitStack
+from functools import partial
 from pathlib import Path
 import struct
 import time
@@ -44,8 +45,10 @@ class Recorder(BundleNode):
         super().__init__('recorder', (), **keywords)
         self._writer = writer
         self._newest = 0
+        #: Why nothing is written any more, as when the disk is full; empty while all is well.
+        self.failure = ''
         # Written to the disk regularly, in case this process is killed.
-        self.every(FLUSH, writer.flush)
+        self.every(FLUSH, lambda: self._write(writer.flush))
         #: Full names of the topics that are recorded.
         self.recorded: set[str] = set()
 
@@ -60,8 +63,8 @@ class Recorder(BundleNode):
 
             def take(raw: bytes, name: str = name, topic: Topic = topic,
                      headed: bool = headed) -> None:
-                self._writer.write(name, topic.type_name, self._stamp(raw, headed), raw,
-                                   topic.latched)
+                self._write(partial(self._writer.write, name, topic.type_name,
+                                    self._stamp(raw, headed), raw, topic.latched))
             self.create_subscription(
                 topic.type, topic.name, take,
                 qos or (interface.LATCHED if topic.latched else interface.LOCK_STEP), raw=True)
@@ -77,6 +80,15 @@ class Recorder(BundleNode):
             offers = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
             if offers:
                 self.add([topic], matching_qos(offers))
+
+    def _write(self, action: Callable[[], None]) -> None:
+        if self.failure:
+            return
+        try:
+            action()
+        except OSError as error:
+            self.failure = f'{self._writer.folder}: cannot be written any more ({error.strerror})'
+            self.get_logger().error(self.failure)
 
     def _stamp(self, raw: bytes, headed: bool) -> int:
         stamp = 0
@@ -125,7 +137,7 @@ def record(folder: str | Path, seconds: float | None = None,
     Raises
     ------
     InputError
-        When no topic of the interface is found within 10 s.
+        When no topic of the interface is found within 10 s, or the disk is full.
     """
     with ExitStack() as ending:
         context = ending.enter_context(ros_context(domain))
@@ -140,6 +152,8 @@ def record(folder: str | Path, seconds: float | None = None,
             before = now
             node.discover()
             spinner.spin(0.25)
+            if node.failure:
+                raise InputError(node.failure)
             now = time.monotonic()
             if heard is not None and now - before > _HELD_UP:
                 node.get_logger().warning(

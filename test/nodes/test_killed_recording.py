@@ -3,6 +3,7 @@
 """A recording that is killed keeps what it heard; one that is held up says so."""
 
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -37,13 +38,13 @@ def growing(folder):
         return 0
 
 
-def recording_of(graph, quiet, folder):
+def recording_of(graph, quiet, folder, **options):
     """Return a process that records a simulated rig of the graph into a folder."""
     graph.add(PlantSimulator(context=graph.context, overrides={
         **quiet, 'rate': 100.0, 'faults.drift': 'mu1/pressure=1e4'}))
     graph.spin()
     return subprocess.Popen([sys.executable, '-m', 'fam_bundle_ros.cli', 'record', str(folder)],
-                            stderr=subprocess.PIPE, text=True)
+                            stderr=subprocess.PIPE, text=True, **options)
 
 
 def test_sigkill_leaves_a_bag_up_to_the_last_second(graph, quiet, tmp_path):
@@ -87,3 +88,19 @@ def test_a_recording_that_was_held_up_warns_of_it(graph, quiet, tmp_path):
     assert process.returncode == 0, errors
     begin, last = map(float, re.search(r'held up from ([\d.]+) to ([\d.]+) s', errors).groups())
     assert last - begin > 1.4
+
+
+def test_a_recording_on_a_full_disk_ends_with_one_line(graph, quiet, tmp_path):
+    """Files that may not grow are refused by the system like those on a full disk."""
+    process = recording_of(graph, quiet, tmp_path / 'bag', preexec_fn=lambda: resource.setrlimit(
+        resource.RLIMIT_FSIZE, (100_000, 100_000)))
+    try:
+        graph.until(lambda: process.poll() is not None, 'the end of the recording')
+        errors = process.stderr.read()
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 2, errors
+    assert errors.splitlines()[-1].endswith('bag: cannot be written any more (File too large)')
+    assert 'Exception' not in errors
+    assert 'Error occurred' not in errors
