@@ -424,10 +424,14 @@ class PressurePidNode(BundleNode):
             urgent = now.state is State.LATCHED or now.cause in ('SENSOR', 'NO_SETPOINT')
             report.add(ERROR if urgent else WARN, f'{self._guard.word} {now.reason}'.strip())
             return
-        supply = self._air.report(report)
-        if self._setpoint and self._setpoint[1] > supply + _NOTABLE:
+        supply, most = self._air.report(report), self._max_pressure
+        asked = self._setpoint[1] if self._setpoint else 0.0
+        if asked > most + _NOTABLE:
+            report.add(WARN, f'setpoint of {kilopascals(asked)} is above the largest pressure of '
+                       f'mu{self.unit}, {kilopascals(most)}, which takes its place')
+        if min(asked, most) > supply + _NOTABLE:
             report.add(WARN, f'supply at {kilopascals(supply)}, below the setpoint of '
-                       f'{kilopascals(self._setpoint[1])}')
+                       f'{kilopascals(min(asked, most))}')
         elif self._off.lasted > _SETTLING:
             report.add(WARN, f'mu{self.unit} pressure {kilopascals(self._pressure)}, setpoint '
                        f'{kilopascals(self._pressure + state.error)}, valve at '

@@ -112,7 +112,7 @@ def test_pressures_come_by_name_and_every_unit_needs_one():
             interface.read_pressures(JointState(name=names, effort=efforts), 2)
 
 
-@pytest.mark.parametrize('names, told', [([''], "joints ''; expected"), ([], 'joints none;')])
+@pytest.mark.parametrize(('names', 'told'), [([''], "joints ''; expected"), ([], 'joints none;')])
 def test_an_empty_name_of_a_joint_can_be_seen_in_the_refusal(names, told):
     """It is not the same as no joint."""
     with pytest.raises(InputError, match=told):

@@ -254,6 +254,16 @@ def test_supply_below_the_setpoint_is_told_and_no_fault(graph, pair):
     assert graph.pacer.log[-1][2][0] > 0.0
 
 
+def test_a_setpoint_above_the_largest_pressure_is_told(graph, pair):
+    """It is limited, as from a node other than ours; the supply is not what is missing."""
+    rig, pids = pair(supply__pressure=500e3, sensors__pressure_noise=350.0)
+    graph.answer_pressures(2, lambda unit, t: 800e3)
+    graph.advance(rig, 2.0)
+    assert reported(pids[0]) == (WARN, 'setpoint of 800 kPa is above the largest pressure of mu1, '
+                                 '345 kPa, which takes its place')
+    assert rig.rig.truth.pressure.max() < 360e3
+
+
 def test_e_stop_vents(graph, pair):
     """While the emergency stop is on, every command is to exhaust."""
     rig, pids = pair()
