@@ -299,6 +299,8 @@ class RecruitmentNode(BundleNode):
             self._why_off = 'since an emergency stop, until enabled again'
             self.get_logger().error('emergency stop: vented; off until enabled again')
             self._forget_reference()
+        # A stop that is released before the next sample must not end in a ramp, which fills.
+        self.setpoints = [0.0] * self.bundle.n
         self._automatic = False
         self._supply.set(False)
 

@@ -366,6 +366,8 @@ def test_a_stop_that_is_released_at_once_is_not_missed(graph, rig):
     graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
     assert 'OFF since an emergency stop' in said(rig.node)
     graph.until(lambda: not rig.leave[0], 'the end of supply_enable')
+    graph.spin(0.7)  # longer than a ramp of the pressures, which needs the supply
+    assert not any(rig.leaves[rig.leaves.index(False, rig.leaves.index(True)):])
 
 
 def said(node):
