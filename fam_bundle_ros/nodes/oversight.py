@@ -356,8 +356,14 @@ class Oversight:
 
 def crowded(node: BundleNode, topics: Iterable[str]) -> list[str]:
     """Return in words which topics have more than one publisher."""
-    return [f'{count} publishers on {topic}; expected one' for topic in topics
-            if (count := node.publisher_count(topic)) > 1]
+    return [f'{count} publishers on {topic}{_types(node, topic)}; expected one'
+            for topic in topics if (count := node.publisher_count(topic)) > 1]
+
+
+def _types(node: BundleNode, topic: str) -> str:
+    """Return the types of a topic's publishers in words, if they differ."""
+    kinds = sorted({info.topic_type for info in node.get_publishers_info_by_topic(topic)})
+    return f", of the types {' and '.join(kinds)}" if len(kinds) > 1 else ''
 
 
 def _silence(units: list[int]) -> str:

@@ -10,9 +10,10 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import WrenchStamped
 import pytest
+from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, Float64, String
 import yaml
 
 from fam_bundle_ros.control.plausibility import GENTLE
@@ -22,6 +23,7 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Report
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.process import ros_context
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.supply_enable import SupplyEnable
 from fam_bundle_ros.plant import Dynamometer, Rig, RigConfig, SupplyConfig
@@ -368,6 +370,19 @@ def test_a_stop_that_is_released_at_once_is_not_missed(graph, rig):
     graph.until(lambda: not rig.leave[0], 'the end of supply_enable')
     graph.spin(0.7)  # longer than a ramp of the pressures, which needs the supply
     assert not any(rig.leaves[rig.leaves.index(False, rig.leaves.index(True)):])
+
+
+def test_a_publisher_of_another_type_is_told_by_its_type(graph, rig, domain_id):
+    """What it sends never arrives: whoever looks for a second rig would find none."""
+    rig = rig()
+    with ros_context(domain_id) as other:
+        stray = Node('stray', namespace='bundle', context=other)
+        stray.create_publisher(Float64, 'force', 10)
+        graph.until(lambda: rig.node._guard.word == 'OTHER', 'the latch')
+        assert rig.node._guard.now.reason.startswith(
+            '2 publishers on force, of the types geometry_msgs/msg/WrenchStamped and '
+            'std_msgs/msg/Float64; expected one')
+        stray.destroy_node()
 
 
 def said(node):
