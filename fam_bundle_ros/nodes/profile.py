@@ -73,8 +73,7 @@ class Points:
         for k, (time, value) in enumerate(zip(self.times, self.values)):
             if not (math.isfinite(time) and time >= 0.0 and abs(value) <= _LIMITS[self.kind]):
                 raise InputError(f'{self.name}: point {k + 1} is {value:g} at {time:g} s; '
-                                 f'expected a time from 0 and a size up to '
-                                 f'{_LIMITS[self.kind]:g} {_LIKE[self.kind]}')
+                                 f'expected a time from 0 and {self._bound}')
             if k and not time > self.times[k - 1]:
                 raise InputError(f'{self.name}: point {k + 1} is at {time:g} s, not after point '
                                  f'{k} at {self.times[k - 1]:g} s')
@@ -85,7 +84,13 @@ class Points:
                 if not off <= _LIMITS[self.kind]:
                     raise InputError(f'{self.name}: rates of {self.rates[k - 1]:g} and '
                                      f'{self.rates[k]:g} per s lead off by up to {off:.3g} '
-                                     f'{_LIKE[self.kind]} between points {k} and {k + 1}')
+                                     f'between points {k} and {k + 1}; expected {self._bound}')
+
+    @property
+    def _bound(self) -> str:
+        """What a value must be, in words."""
+        return (f'a force up to {_LIMITS[self.kind]:g} N' if self.kind == 'force' else
+                f'a strain (contraction over length) up to {_LIMITS[self.kind]:g}')
 
     @property
     def duration(self) -> float:

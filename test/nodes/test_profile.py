@@ -47,7 +47,7 @@ BASE = {'name': 'steps', 'format': 'fam-bundle-trajectory/1', 'quantity': 'force
     ({'points': [['0 s']]}, r'point 1 is .*expected \[time, value\]'),
     ({'points': [['0 s', '1 mm']]}, 'point 1: '),
     ({'points': [['0 s', '1 N'], ['0 s', '2 N']]}, 'not after point 1'),
-    ({'points': [['0 s', '1 MN']]}, 'expected a time from 0 and a size up to'),
+    ({'points': [['0 s', '1 MN']]}, 'expected a time from 0 and a force up to 10000 N'),
 ])
 def test_bad_file_says_what_and_where(change, text):
     """Each mistake is one sentence that names the file."""

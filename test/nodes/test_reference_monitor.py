@@ -55,6 +55,14 @@ def test_bad_trajectory_leaves_the_old_one(graph, quiet):
     assert node._profile.name == 'p'
 
 
+def test_a_contraction_that_is_too_large_is_refused_as_a_strain(graph):
+    """20 was meant as mm; the refusal has to explain the 157 that it shows."""
+    node = graph.add(ReferenceGenerator(context=graph.context))
+    with pytest.raises(InputError, match=r'157.*expected.*a strain \(contraction over length\)'):
+        node._on_trajectory(JointTrajectory(joint_names=['contraction'], points=[
+            JointTrajectoryPoint(positions=[20.0])]))
+
+
 def test_the_next_bad_trajectory_is_logged_too(graph, capfd):
     """One that was corrected in the wrong place within seconds must not be refused silently."""
     graph.add(ReferenceGenerator(context=graph.context))
