@@ -10,7 +10,7 @@ from fam_bundle_ros.control.curves import slope_at
 
 #: s: acceleration time of a crossing; units lag by equal amounts only at smooth rates.
 _EASE = 0.01
-#: Largest pace over `SwitchingConfig.crossing_rate` when the demand is urgent, and when the other
+#: Largest rate over `SwitchingConfig.crossing_rate` when the demand is urgent, and when the other
 #: units cannot compensate.
 _HURRY, _RUSH = 4.0, 20.0
 
@@ -24,8 +24,8 @@ class Crossings:
     ----------
     unit : list (n,) of int
         The first ``count`` are crossing, in the order in which they began.
-    up : list (n,) of int
-        1 for each unit that is being filled.
+    up, rush : list (n,) of int
+        1 for each unit that is being filled; 1 for each that may be as fast as its valve.
     pressure, speed, pace : list (n,), Pa (gauge) and Pa/s
         Pressure, present rate and normal rate of each unit.
     """
@@ -33,6 +33,7 @@ class Crossings:
     count: int
     unit: list
     up: list
+    rush: list
     pressure: list
     speed: list
     pace: list
@@ -40,7 +41,7 @@ class Crossings:
 
 def no_crossings(n: int) -> Crossings:
     """Return an empty record for n units."""
-    return Crossings(0, [0] * n, [0] * n, [0.0] * n, [0.0] * n, [0.0] * n)
+    return Crossings(0, [0] * n, [0] * n, [0] * n, [0.0] * n, [0.0] * n, [0.0] * n)
 
 
 def is_crossing(crossings: Any, unit: int) -> bool:
@@ -51,12 +52,13 @@ def is_crossing(crossings: Any, unit: int) -> bool:
     return False
 
 
-def begin_crossing(crossings: Any, unit: int, up: bool, pressure: float, pace: float) -> None:
+def begin_crossing(crossings: Any, unit: int, up: bool, pressure: float, pace: float,
+                   rush: bool = True) -> None:
     """Start a crossing at a pressure (Pa); ``pace`` (Pa/s) from `crossing_pace`."""
     if not is_crossing(crossings, unit):
         crossings.unit[crossings.count] = unit
         crossings.count += 1
-    crossings.up[unit] = 1 if up else 0
+    crossings.up[unit], crossings.rush[unit] = 1 if up else 0, 1 if rush else 0
     crossings.pressure[unit], crossings.speed[unit], crossings.pace[unit] = pressure, 0.0, pace
 
 
@@ -67,8 +69,8 @@ def end_crossing(crossings: Any, k: int) -> None:
         crossings.unit[j] = crossings.unit[j + 1]
 
 
-def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, short: bool
-            ) -> bool:
+def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, short: bool,
+            usual: float) -> bool:
     """
     Move a crossing unit by one tick; return whether it has arrived.
 
@@ -82,9 +84,11 @@ def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, s
         Pressure change that the compensating unit needs per change of this one.
     short : bool
         The others cannot compensate: cross as fast as the valve allows.
+    usual : float, Pa/s
+        `SwitchingConfig.crossing_rate`.
     """
     pace = crossings.pace[unit]
-    limit = _RUSH * pace if short else pace / max(1.0, ratio)
+    limit = _RUSH * usual if short else pace / max(1.0, ratio)
     distance = abs(target - crossings.pressure[unit])
     ease = pace / _EASE
     speed = min(crossings.speed[unit] + ease * dt, limit,
@@ -95,27 +99,24 @@ def advance(crossings: Any, unit: int, dt: float, target: float, ratio: float, s
     return step >= distance
 
 
-def crossing_pace(table: Any, unit: int, usual: float, patience: float) -> float:
+def crossing_pace(distance: float, usual: float, patience: float) -> float:
     """
     Return the pressure rate of a unit's crossing, Pa/s, slow enough for the feedback.
 
     Parameters
     ----------
-    table : CurveTable
-    unit : int
+    distance : float, Pa
+        To its bottom pressure, or to 0.
     usual : float, Pa/s
         `SwitchingConfig.crossing_rate`.
     patience : float, s
         From `hand_over_time`; 0: as fast as usual.
     """
-    # Not so slow that it could not be finished in time once the others are saturated.
-    slow = max(table.bottom_pressure[unit] / patience, slow_pace(usual)) if patience > 0.0 \
-        else usual
-    return min(usual, slow)
+    return min(usual, distance / patience) if distance > 0.0 and patience > 0.0 else usual
 
 
 def slow_pace(usual: float) -> float:
-    """Return the slowest pressure rate of a crossing for the usual one, Pa/s."""
+    """Return the slowest pressure rate for which units start ahead of need, Pa/s."""
     return usual / _RUSH
 
 
@@ -170,11 +171,15 @@ def doubt_of(state: Any) -> float:
 
 
 def crossing_time(table: Any, unit: int, usual: float, patience: float) -> float:
-    """Return the approximate time to fill a unit to its bottom without hurry, s."""
+    """
+    Return how long before its need a unit starts to cross, s: the time to its bottom, about.
+
+    A patient crossing may be slower: the demand can hurry it (`hurry`), or turn back.
+    """
     slope = 0.0
     for other in range(len(table.order)):
         if other != unit:
             slope = max(slope, slope_at(table, other, table.grid[other][-1]))
     compensation = table.dip[unit] / slope if slope > 0.0 else 0.0
-    pace = crossing_pace(table, unit, usual, patience)
+    pace = max(crossing_pace(table.bottom_pressure[unit], usual, patience), slow_pace(usual))
     return 1.4 * max(table.bottom_pressure[unit], compensation) / pace + 2.0 * _EASE

@@ -12,7 +12,7 @@ from fam_bundle_ros.control.crossing import (
     is_crossing,
     slow_pace,
 )
-from fam_bundle_ros.control.curves import slope_at
+from fam_bundle_ros.control.curves import reach_below, slope_at
 from fam_bundle_ros.control.inverse import change_in_turn, change_together, fill, lower, share
 from fam_bundle_ros.control.jump import is_recent
 from fam_bundle_ros.control.switching import REVERSAL_AWARE
@@ -65,15 +65,16 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
         unit = crossings.unit[k]
         count = solve(settings, model, state, demand, True, state.shares)
         ratio = compensation_ratio(settings, state, unit, count)
-        up = crossings.up[unit] > 0
-        if up:
-            rate = max(state.demand.rate, 0.0)
-            spare = (reserve(state, demand, unit) - state.demand.uncertainty
-                     - rate * state.outer.lag)
-            hurry(crossings, unit, state.final.pressure[unit], rate, spare,
-                  settings.switching.crossing_rate)
-        short = up and state.shares.missing > TOLERANCE
-        if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short):
+        up, usual = crossings.up[unit] > 0, settings.switching.crossing_rate
+        rate = max(state.demand.rate if up else -state.demand.rate, 0.0)
+        left = reserve(state, demand, unit) if up else room(state, demand)
+        # The others are empty: what this unit pulls is too much.
+        if not up and state.shares.missing < -TOLERANCE:
+            crossings.pace[unit] = max(crossings.pace[unit], usual)
+        spare = left - state.demand.uncertainty - rate * state.outer.lag
+        hurry(crossings, unit, state.final.pressure[unit], rate, spare, usual)
+        short = up and crossings.rush[unit] > 0 and state.shares.missing > TOLERANCE
+        if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short, usual):
             end_crossing(crossings, k)
         else:
             k += 1
@@ -96,6 +97,14 @@ def reserve(state: Any, demand: float, unit: int) -> float:
         left += (table.bottom_force[other] if crossing else table.top_force[other]
                  ) - table.rest_force[other]
     return left if filling else math.inf
+
+
+def room(state: Any, demand: float) -> float:
+    """Return by how much a demand (N) may fall until the active units are empty, N."""
+    table, left = state.table, demand - state.table.floor[state.machine.state]
+    for k in range(state.machine.state):
+        left += reach_below(table, table.order[k])
+    return left
 
 
 def solve(settings: Any, model: Any, state: Any, demand: float, crossing: bool, shares: Any

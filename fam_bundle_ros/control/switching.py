@@ -138,11 +138,17 @@ class MachineState:
         recruitment ahead of need. A demand that then stops rising must not release the unit. 0
         once the demand has needed the unit.
     feedback : float, N
-        Feedback part of the demand at the last recruitment.
+        Feedback part of the demand at the last switch.
+    released : float, N
+        Demand without feedback at the last switch, if a unit was released; else -inf.
     excess : float, N
         `excess_over` the state below when the last unit was recruited since that state was at its
         limit; inf where it was recruited ahead of need. At this demand the state below does not
         have the force, whatever the model says.
+    back : bool
+        The last unit was recruited although the demand had not risen since it was released: it
+        pulls more than its model. As much as feedback has made up for is taken off ``excess``, as
+        the unit may not have been empty.
     wary : bool
         The last unit was recruited ahead of need in vain: no patience.
     """
@@ -157,7 +163,9 @@ class MachineState:
     rising: float = 0.0
     ahead: float = 0.0
     feedback: float = 0.0
+    released: float = -math.inf
     excess: float = math.inf
+    back: bool = False
     wary: bool = False
     margins: Margins = field(default_factory=Margins)
 
@@ -168,8 +176,8 @@ def start_machine(machine: Any, state: int) -> None:
         machine.reserve[k], machine.needed[k] = 0.0, 1
     machine.state, machine.direction, machine.since = state, 0, math.inf
     machine.calm = machine.absent = machine.rising = machine.ahead = machine.feedback = 0.0
-    machine.excess = math.inf
-    machine.wary = False
+    machine.released, machine.excess = -math.inf, math.inf
+    machine.back = machine.wary = False
 
 
 def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float, reason: Any
@@ -215,9 +223,11 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             least = demand.force - band - min(_LEAD * max(demand.rate, 0.0), width)
             machine.ahead = max(
                 release_level(settings, table, state + 1, margin, band) - least, 0.0)
-            machine.feedback = demand.feedback
             machine.excess = excess_over(table, demand, state) if why == BEYOND else math.inf
-            switch(machine, 1)
+            machine.back = demand.force - demand.feedback <= machine.released
+            if machine.back:
+                machine.excess -= max(demand.feedback - machine.feedback, 0.0)
+            switch(machine, demand, 1)
             return
     # Margins cover model errors; below its floor the state cannot give the force in any case.
     level = release if settings.policy == NEGLECT else max(release, table.floor[state])
@@ -226,7 +236,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
         if why != NONE:
             explain(reason, machine, table, demand, why, release)
             machine.ahead, machine.excess = 0.0, math.inf
-            switch(machine, -1)
+            switch(machine, demand, -1)
 
 
 def widths(settings: Any, demand: Any) -> tuple[float, float]:
@@ -367,12 +377,14 @@ def explain(reason: Any, machine: Any, table: Any, demand: Any, why: int, level:
         reason.pressure = table.bottom_pressure[table.order[state - 1]]
 
 
-def switch(machine: Any, direction: int) -> None:
+def switch(machine: Any, demand: Any, direction: int) -> None:
     """Recruit the next unit (+1) or release the last one (-1)."""
     # No patience after a unit was recruited in vain, until one has been needed.
     machine.wary = direction < 0 and machine.needed[machine.state - 1] == 0
     if direction > 0:
         machine.needed[machine.state], machine.reserve[machine.state] = 0, 0.0
+    machine.feedback = demand.feedback
+    machine.released = demand.force - demand.feedback if direction < 0 else -math.inf
     machine.state += direction
     machine.since = machine.calm = machine.absent = 0.0
     machine.direction = direction

@@ -75,7 +75,11 @@ def send_unit(settings: Any, state: Any, command: Any) -> None:
         return
     unit = state.table.order[now - 1 if up else now]
     why = command.reason.why
-    # A demand that is out of reach is urgent.
-    patient = 0.0 if why == BEYOND or why == UNREACHABLE else state.demand.patience
-    pace = crossing_pace(state.table, unit, settings.switching.crossing_rate, patient)
-    begin_crossing(state.crossings, unit, up, command.pressure[unit], pace)
+    # A demand that is out of reach is urgent, unless it did not rise since the unit's release.
+    back = up and state.machine.back
+    urgent = (why == BEYOND and not back) or why == UNREACHABLE
+    patient = 0.0 if urgent else state.demand.patience
+    pressure = command.pressure[unit]
+    distance = state.table.bottom_pressure[unit] if up else pressure
+    pace = crossing_pace(distance, settings.switching.crossing_rate, patient)
+    begin_crossing(state.crossings, unit, up, pressure, pace, not back)

@@ -102,7 +102,8 @@ def test_a_muscle_that_pulls_before_its_model_does_is_not_switched_for_ever(
     """
     On slack ends MU2 pulls from a lower pressure than its model; the demand is 2 N beyond RS1.
 
-    In RS2 the feedback hides that RS1 does not have the force: at rest MU2 is not released.
+    In RS2 the feedback hides that RS1 does not have the force: MU2 is released once and brought
+    back, both slowly, and then no more. With a fast return the force was 14 to 28 N too large.
     """
     model = Bundle('slack', paper_bundle.motor_units, [
         *(each for each in paper_bundle.effects if each.name != 'resistive_buckling'),
@@ -113,16 +114,17 @@ def test_a_muscle_that_pulls_before_its_model_does_is_not_switched_for_ever(
         first = model.unit_forces(strain, [pressure[0], 0.0])[0]
         return 0.9 * float(first) + 2.7e-4 * max(pressure[1] - onset, 0.0)
     wanted, pressures, states = truth([limit, 0.0]) + 2.0, [[0.0, 0.0]] * 3, []
-    for k in range(round(8.0 / DT)):
+    for k in range(round(12.0 / DT)):
         share = min(0.5 + 0.5 * k * DT, 1.0)
         late = pressures[-3]
         command = controller.update(DT, Measurement(truth(late), strain, 0.0, late), Reference(
             'force', share * wanted, 0.5 * wanted if share < 1.0 else 0.0))
         pressures.append([p + 0.4 * (q - p) for p, q in zip(pressures[-1], command.pressure)])
-        if k * DT > 4.0:
-            assert truth(late) == pytest.approx(wanted, abs=0.5)
+        if k * DT > 1.5:
+            assert truth(late) == pytest.approx(wanted, abs=2.5 if k * DT < 8.0 else 0.1)
             states.append(command.state)
-    assert set(states) == {2}
+    assert sum(a > b for a, b in zip(states, states[1:])) <= 1
+    assert set(states[-round(4.0 / DT):]) == {2}
 
 
 def test_a_lowered_unit_whose_bottom_is_gone_may_read_less_than_nothing(paper_bundle):

@@ -223,6 +223,22 @@ def test_a_unit_that_is_cheap_to_fill_again_is_released_at_once(made):
     assert 'only 50 kPa to fill again' in machine.tell(100.0, -30.0)[1]
 
 
+@pytest.mark.parametrize(('asked', 'until'), [(198.0, 146.0), (202.0, 200.0)])
+def test_a_unit_that_was_missed_is_kept_for_longer(made, asked, until):
+    """
+    Released at 200 N, recruited again at 248 N, of which feedback has added what the unit pulled.
+
+    Where the reference had not risen, it may not have been empty: as much again is kept in
+    reserve, or 198 - 50 - 2 N. Where it had, RS1 lacks force at 202 N only, less the band.
+    """
+    machine = Machine(made(), 2)
+    assert 'at rest' in machine.tell(200.0, duration=5.0)[1]
+    assert 'by more than 1.0 N' in machine.tell(248.0, feedback=248.0 - asked)[1]
+    assert machine.machine.memory.back == (asked < 200.0)
+    assert machine.tell(until + 0.1, duration=5.0)[1] == ''
+    assert 'at rest' in machine.tell(until - 0.1, duration=5.0)[1]
+
+
 def test_a_demand_below_all_that_a_state_can_releases_at_once(made):
     """RS2 pulls at least -8 N; lowering its last unit until it is empty comes first."""
     assert 'below -8.0 N, the least force of RS2' in Machine(made(), 2).tell(-109.0)[1]
