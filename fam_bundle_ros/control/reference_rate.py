@@ -54,7 +54,6 @@ class ReferenceRate:
         elif self._departs(time, value, self._rate):
             stepped = len(self._values) < 2 or self._departs(
                 time, value, _slope(self._values[-2], self._values[-1]))
-            self._values = self._values[-1 if stepped else -2:]
         self._values = [*self._values[1 - _LINE:], (time, value)]
         self._rate = 0.0 if stepped else self._longest()
         return self._rate

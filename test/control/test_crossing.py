@@ -26,7 +26,7 @@ from fam_bundle_ros.control.observer import learn_noise
 from fam_bundle_ros.control.outer_loop import FORCE, STRAIN
 from fam_bundle_ros.control.reasons import AHEAD, BEYOND
 from fam_bundle_ros.control.recruitment_loop import recruitment_state
-from fam_bundle_ros.control.spread import BATCH, compensation_ratio, ORDERLY, reserve, spread
+from fam_bundle_ros.control.spread import BATCH, compensation_ratio, ORDERLY, reserve, room, spread
 from fam_bundle_ros.control.switching import Demand
 from fam_bundle_ros.control.transition import patience, send_unit
 from fam_bundle_ros.plant import Dynamometer
@@ -145,9 +145,35 @@ def test_a_crossing_ends_before_the_reserve_is_in_doubt(paper_bundle, uncertaint
     assert pace == pytest.approx(way * 200.0 / left)
 
 
-def test_a_unit_that_is_emptied_is_never_in_a_hurry(paper_bundle):
+def test_a_unit_that_is_emptied_is_in_no_hurry_while_the_demand_rises(paper_bundle):
     """It only gives back what it pushed."""
     assert spread_with(paper_bundle, 1.0, up=False)[0] == 1e4 < spread_with(paper_bundle, 1.0)[0]
+
+
+@pytest.mark.parametrize(('left', 'pace'), [(50.0, 200.0 / 50.0), (10.0, 200.0 / 10.0)])
+def test_a_unit_is_empty_before_the_others_are(paper_bundle, left, pace):
+    """While the demand falls by 200 N/s and has ``left`` N until no pressure is left in them."""
+    controller = RecruitmentController(paper_bundle)
+    controller.enable(Measurement(20.0, 0.16, 0.0, np.array([150e3, 0.0])))
+    state = controller.memory
+    begin_crossing(state.crossings, 1, False, 40e3, 1e4)
+    state.demand.rate, state.demand.uncertainty, state.outer.lag = -200.0, 0.0, 0.0
+    demand = 20.0 - room(state, 20.0) + left
+    spread(controller.settings, controller.model, state, demand, DT)
+    assert state.crossings.pace[1] == pytest.approx(40e3 * pace)
+
+
+def test_a_unit_is_emptied_at_the_usual_pace_where_all_others_are_empty(paper_bundle):
+    """The reference has stepped below what this unit may pull."""
+    controller = RecruitmentController(paper_bundle)
+    controller.enable(Measurement(20.0, 0.16, 0.0, np.array([150e3, 0.0])))
+    state = controller.memory
+    begin_crossing(state.crossings, 1, False, 40e3, 1e4)
+    demand = 20.0 - room(state, 20.0)
+    spread(controller.settings, controller.model, state, demand + 30.0, DT)
+    assert state.crossings.pace[1] == 1e4
+    spread(controller.settings, controller.model, state, demand - 30.0, DT)
+    assert state.crossings.pace[1] == controller.config.switching.crossing_rate
 
 
 @pytest.mark.parametrize(('why', 'back', 'time'), [

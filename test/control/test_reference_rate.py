@@ -50,12 +50,22 @@ def test_values_that_are_held_for_some_ticks_are_extrapolated(hold):
     assert rate[late] == pytest.approx(sine_rate(TICK * tick[late]), abs=0.25 * 20.0 * np.pi)
 
 
-def test_uneven_intervals_between_values_are_no_rests():
-    """New values every 3 or 4 ticks (60 Hz at 200 Hz): no rate of 0 in between."""
+@pytest.mark.parametrize('hertz', [60.0, 130.0])
+def test_uneven_intervals_between_values_are_no_rests(hertz):
+    """New values every 3 or 4, or every 1 or 2 ticks of 5 ms: no rate of 0 in between."""
     tick = np.arange(400)
-    number = (tick * TICK * 60.0).astype(int)
-    _, rate = read(20.0 * number / 60.0)
-    assert rate[20:] == pytest.approx(20.0, rel=0.3)
+    number = (tick * TICK * hertz).astype(int)
+    _, rate = read(20.0 * number / hertz)
+    assert rate[20:].min() > 0.0
+    assert np.mean(rate[20:]) == pytest.approx(20.0, rel=0.1)
+
+
+def test_a_rest_between_two_motions_is_no_interval():
+    """After it a value that stays is at rest as soon as ever."""
+    value, rate = read([0.0] * 100 + [1.0] * 4 + [2.0] * 4 + [3.0] * 40)
+    assert rate[108] > 0.0
+    assert np.all(rate[115:] == 0.0)
+    assert np.all(value[115:] == 3.0)
 
 
 def test_a_motion_that_ends_is_at_rest_after_one_interval():

@@ -239,6 +239,15 @@ def test_a_unit_that_was_missed_is_kept_for_longer(made, asked, until):
     assert 'at rest' in machine.tell(until - 0.1, duration=5.0)[1]
 
 
+def test_a_unit_after_one_that_was_recruited_is_not_brought_back(made):
+    """However much of the demand is feedback: it was not released."""
+    machine = Machine(made(), 0)
+    assert machine.tell(5.0)[1]
+    assert machine.tell(248.0, feedback=248.0)[1]
+    assert machine.machine.state == 2
+    assert not machine.machine.memory.back
+
+
 def test_a_demand_below_all_that_a_state_can_releases_at_once(made):
     """RS2 pulls at least -8 N; lowering its last unit until it is empty comes first."""
     assert 'below -8.0 N, the least force of RS2' in Machine(made(), 2).tell(-109.0)[1]
