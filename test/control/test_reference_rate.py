@@ -61,7 +61,10 @@ def test_uneven_intervals_between_values_are_no_rests(hertz):
 
 
 def test_a_rest_between_two_motions_is_no_interval():
-    """After it a value that stays is at rest as soon as ever."""
+    """After it a value that stays is at rest as soon as ever, and two steps are no motion."""
+    value, rate = read([0.0] * 100 + [1.0] * 4 + [2.0] * 40)
+    assert np.all(rate == 0.0)
+    assert np.all(value[104:] == 2.0)
     value, rate = read([0.0] * 100 + [1.0] * 4 + [2.0] * 4 + [3.0] * 40)
     assert rate[108] > 0.0
     assert np.all(rate[115:] == 0.0)
