@@ -67,8 +67,8 @@ class McapFile:
         self._any = False
         head = _MAGIC + _record(_HEADER, _text('ros2'), _text(library))
         self._file.write(head)
-        #: Offset of the next chunk in the file.
-        self._offset = len(head)
+        #: Offset of the next chunk in the file, and what the file has from there on.
+        self._offset, self._ending = len(head), b''
 
     @property
     def pending(self) -> int:
@@ -102,14 +102,30 @@ class McapFile:
         self.counts[channel] += 1
 
     def flush(self, metadata: str) -> None:
-        """Write all pending messages to the file; ``metadata`` is for rosbag2."""
+        """
+        Write all pending messages to the file; ``metadata`` is for rosbag2.
+
+        Raises
+        ------
+        OSError
+            The disk is full, for instance; the file is as after the flush before.
+        """
         chunk = self._close_chunk()
-        whole = chunk + self._tail(self._offset + len(chunk), metadata)
+        tail = self._tail(self._offset + len(chunk), metadata)
+        try:
+            self._put(chunk + tail)
+        except OSError:
+            self._file.truncate(self._offset)
+            self._put(self._ending)
+            raise
+        self._offset, self._ending = self._offset + len(chunk), tail
+
+    def _put(self, data: bytes) -> None:
+        """Write at the offset of the next chunk."""
         self._file.seek(self._offset)
         written = 0
-        while written < len(whole):
-            written += self._file.write(memoryview(whole)[written:])
-        self._offset += len(chunk)
+        while written < len(data):
+            written += self._file.write(memoryview(data)[written:])
 
     def close(self) -> None:
         """Close the file without a flush."""

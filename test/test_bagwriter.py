@@ -3,6 +3,7 @@
 """Bags can be read whenever they were flushed, by rosbags as by rosbag2's own format."""
 
 from contextlib import closing
+import resource
 import struct
 import subprocess
 import sys
@@ -52,6 +53,27 @@ def test_bag_gives_back_what_was_written_in_order_of_time(tmp_path_factory, rows
     assert [stamp for _, stamp, _ in messages] == sorted(stamp for _, stamp, _, _ in rows)
     assert {topic: c.msgcount for topic, c in connections.items()} == {
         f'/{t}': sum(row[0] == t for row in rows) for t in {row[0] for row in rows}}
+
+
+def test_bag_on_a_disk_that_is_full_keeps_what_it_had(tmp_path):
+    """A file that may not grow any more, as on a full disk; closing it changes nothing."""
+    folder, limits = tmp_path / 'bag', resource.getrlimit(resource.RLIMIT_FSIZE)
+    writer = BagWriter(folder)
+    for k in range(3):
+        writer.write('/a', UINT8, k, raw(k))
+    writer.flush()
+    for k in range(3, 1000):
+        writer.write('/a', UINT8, k, raw(k % 256))
+    size = (folder / 'bag.mcap').stat().st_size
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 4000, limits[1]))
+    try:
+        with pytest.raises(OSError, match='large'):
+            writer.flush()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    writer.close()
+    assert read(folder)[0] == [('/a', k, k) for k in range(3)]
+    assert (folder / 'bag.mcap').stat().st_size == size
 
 
 def test_bag_can_be_read_after_every_flush_while_it_is_written(tmp_path):
