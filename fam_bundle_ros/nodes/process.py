@@ -9,6 +9,7 @@ command could be published, and an exception inside a callback could interrupt a
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+import faulthandler
 from functools import partial
 import gc
 import os
@@ -38,6 +39,9 @@ SLICE = 0.1
 FAREWELL = 0.3
 #: Time after a first signal within which a second one counts as the same, s.
 PATIENCE = 2.0
+
+#: Time after which a process that has been asked to end does so in any case, s.
+END = 15.0
 
 NodeFactory = Callable[[Context], Sequence[BundleNode]]
 
@@ -228,7 +232,8 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
     Returns
     -------
     int
-        0 after a signal, 2 for bad input (one line on stderr says what).
+        0 after a signal, 2 for bad input (one line on stderr says what). A process that hangs
+        while it ends does so with status 1.
     """
     argv = list(sys.argv if args is None else args)
     program = os.path.basename(argv[0]) if argv else 'fam_bundle_ros'
@@ -259,10 +264,27 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
             pass
         finally:
             signals.ignore()
-            if spinner is not None:
-                spinner.close()
-            context.try_shutdown()
+            with ends_within(END):
+                if spinner is not None:
+                    spinner.close()
+                context.try_shutdown()
     return 0
+
+
+@contextmanager
+def ends_within(seconds: float) -> Iterator[None]:
+    """
+    End the process with status 1 if a block takes longer than some seconds.
+
+    A participant of Fast DDS 2.14 that is destroyed can wait for ever for a callback of its own,
+    with Python's lock held: no other thread of Python runs then.
+    """
+    with open(os.devnull, 'w') as nowhere:
+        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def _init(context: Context, argv: Sequence[str]) -> None:

@@ -72,6 +72,27 @@ def test_ctrl_c_vents_and_exits_0(graph, number, start, heard):
     assert (process.returncode, errors) == (0, '')
 
 
+def test_a_node_that_hangs_while_it_ends_is_ended(domain_id):
+    """As a destroyed participant of Fast DDS may, with Python's lock held, for an hour."""
+    process = subprocess.Popen([sys.executable, '-c', """
+import ctypes, sys, time
+from fam_bundle_ros.nodes import process
+from fam_bundle_ros.nodes.pressure_pid import main
+process.END = 1.0
+def close(spinner):
+    print('ends', flush=True)
+    ctypes.PyDLL(None).sleep(3600)
+process.Spinner.close = close
+process.Spinner.spin = lambda spinner: print('spins', flush=True) or time.sleep(0.1)
+sys.exit(main())
+""", '--ros-args', '-p', 'motor_unit:=1'], stdout=subprocess.PIPE, text=True)
+    while process.stdout.readline().strip() != 'spins':
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == 1
+    assert 'ends' in process.stdout.read()
+
+
 def test_killed_controller_leaves_no_pressure(graph, start):
     """SIGKILL of the whole controller: the simulator times out on its own."""
     from fam_bundle_ros.nodes.plant_simulator import PlantSimulator
