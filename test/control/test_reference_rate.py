@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """References that are given without a rate."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,16 @@ def test_a_motion_that_ends_is_at_rest_after_one_interval():
         assert np.all(rate[end + 1:] == 0.0)
         assert np.all(value[end + 1:] == 4.0)
         assert value.max() <= 4.0 + 0.1 * late
+
+
+def test_a_value_that_is_no_number_is_passed_on_and_forgotten():
+    """The controller holds its pressures for that tick only."""
+    values = list(0.1 * np.arange(20.0))
+    values[10] = math.nan
+    value, rate = read(values)
+    assert np.array_equal(np.isnan(value), np.isnan(values))
+    assert np.isfinite(rate).all()
+    assert rate[14:] == pytest.approx(0.1 / TICK)
 
 
 @pytest.mark.parametrize('size', [0.1, 30.0])
