@@ -122,7 +122,7 @@ class SampledReference:
         self._age, self._between = 0, (1, 1)
 
     def update(self, time: float, value: float) -> tuple[float, float]:
-        """Return value and rate at ``time`` (s), at which ``value`` was given; nan is passed on."""
+        """Return value and rate at ``time`` (s) for a given value; nan is passed on."""
         if math.isnan(value):
             return value, 0.0
         self._age += 1
