@@ -279,12 +279,13 @@ def ends_within(seconds: float) -> Iterator[None]:
     A participant of Fast DDS 2.14 that is destroyed can wait for ever for a callback of its own,
     with Python's lock held: no other thread of Python runs then.
     """
-    with open(os.devnull, 'w') as nowhere:
-        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
-        try:
-            yield
-        finally:
-            faulthandler.cancel_dump_traceback_later()
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        os.close(nowhere)
 
 
 def _init(context: Context, argv: Sequence[str]) -> None:
