@@ -51,6 +51,17 @@ def whole(path: str | Path) -> Iterator[Path]:
             draft.unlink(missing_ok=True)
 
 
+def refuse_unwritable(path: str | Path) -> None:
+    """Raise InputError if a file could not be written, before the work that leads to it."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise InputError(f'{path}: there is no folder {path.parent}')
+    try:
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written ({error.strerror or error})') from error
+
+
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)

@@ -20,6 +20,7 @@ from rich.text import Text
 import typer
 
 from fam_bundle_ros import palette
+from fam_bundle_ros.atomic import refuse_unwritable
 from fam_bundle_ros.errors import about, InputError
 from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.resources import data_path, model_path
@@ -37,18 +38,17 @@ notes = Console(stderr=True, highlight=False)
 def _page_to_write(path: Path | None) -> Path | None:
     if path is not None and path.suffix not in ('', '.html', '.htm'):
         raise InputError(f'--out {path}: expected the name of a page (.html) to write')
+    return _to_write(path)
+
+
+def _to_write(path: Path | None) -> Path | None:
     if path is not None:
-        _has_folder(path)
+        refuse_unwritable(path)
     return path
 
 
-def _has_folder(path: Path) -> None:
-    if not path.parent.is_dir():
-        raise InputError(f'{path}: there is no folder {path.parent}')
-
-
-JsonFile = Annotated[Path | None, typer.Option('--json', metavar='FILE', help='Also write the '
-                                               'result as JSON.')]
+JsonFile = Annotated[Path | None, typer.Option(
+    '--json', metavar='FILE', callback=_to_write, help='Also write the result as JSON.')]
 AllowPython = Annotated[bool, typer.Option('--allow-python', help='Run Python files of effects '
                                            'that a model names. Only for models you trust.')]
 WorkersOption = Annotated[int | None, typer.Option('--workers', min=1, help='Processes; all cores '
@@ -229,10 +229,10 @@ def quantity(text: str, like: str, option: str) -> float:
 
 
 def yaml_to_write(path: Path, what: str = 'model') -> None:
-    """Raise InputError for a path without a YAML suffix or in a folder that does not exist."""
+    """Raise InputError for a path without a YAML suffix or where no file can be written."""
     if path.suffix not in ('.yaml', '.yml'):
         raise InputError(f'{path}: expected the name of a {what} file (.yaml) to write')
-    _has_folder(path)
+    refuse_unwritable(path)
 
 
 def free_name(name: str) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from rich.text import Text
 import typer
 
+from fam_bundle_ros.atomic import refuse_unwritable, write_whole
 from fam_bundle_ros.cli.common import (
     AllowPython,
     chosen_model,
@@ -140,6 +141,8 @@ def check_rig(
     tube = quantity(tube_volume, 'm^3', '--tube-volume')
     if active and out.exists():
         raise InputError(f'{out} exists already; expected a new file (--out)')
+    if active:
+        refuse_unwritable(out)
     with progress_bar('check-rig') as tick:
         findings = rig_check.check_rig(
             namespace.strip('/'), seconds, units=bundle.n, length=bundle.length, gauge=gauge,
@@ -173,7 +176,6 @@ def _show(findings: Any) -> None:
 
 
 def _write_rig(out: Path, model: str, supply: float, parameters: dict[str, Any]) -> None:
-    from fam_bundle_ros.atomic import write_whole
     from fam_bundle_ros.nodes.rig_file import fill_in
     head = (f'Measured by fam_bundle check-rig --active at a supply of {supply / 1e3:.0f} kPa.\n'
             'Not measured: supply.pressure in operation, load_model, policy, time-outs. Check '

@@ -253,12 +253,14 @@ def test_add_does_not_overwrite_the_model_that_it_changes(fam_bundle, repository
     assert mine.read_text() == before
 
 
-@pytest.mark.parametrize(('out', 'words'), [
-    ('none/page.html', 'none/page.html: there is no folder none'),
-    ('page.pdf', '--out page.pdf: expected the name of a page (.html) to write')])
-def test_a_page_that_cannot_be_written_is_refused_before_the_work(fam_bundle, out, words):
+@pytest.mark.parametrize(('option', 'out', 'words'), [
+    ('--out', 'none/page.html', 'none/page.html: there is no folder none'),
+    ('--out', '/proc/page.html', '/proc/page.html: cannot be written ('),
+    ('--json', '/proc/result.json', '/proc/result.json: cannot be written ('),
+    ('--out', 'page.pdf', '--out page.pdf: expected the name of a page (.html) to write')])
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(fam_bundle, option, out, words):
     """Not after a minute of it."""
-    result = fam_bundle('compare', 'dmsp20_static_map', '--out', out)
+    result = fam_bundle('compare', 'dmsp20_static_map', option, out)
     assert (result.returncode, result.stdout) == (2, '')
     assert words in result.stderr
 

@@ -4,6 +4,7 @@
 
 import itertools
 import json
+from pathlib import Path
 import re
 
 import pytest
@@ -38,6 +39,12 @@ def simulator(graph, start):
 def failed(probe):
     """Return what failed, in words."""
     return [f'{finding.what}: {finding.detail}' for finding in probe.findings if not finding.ok]
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_a_valve_opens():
+    """The measured values would be lost."""
+    with pytest.raises(InputError, match='/proc/rig.yaml: cannot be written'):
+        check_rig('nowhere', 0.5, 'spie2021', active=True, yes=True, out=Path('/proc/rig.yaml'))
 
 
 def test_a_rig_is_probed(simulator, paper_bundle, domain_id, tmp_path):

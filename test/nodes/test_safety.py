@@ -328,13 +328,19 @@ def test_a_pressure_loop_that_dies_or_stops_vents_all(graph, rig, number, start)
         process.communicate()
 
 
-def test_an_emergency_stop_that_nobody_publishes_any_more_ends_it(graph, rig):
-    """Its button would do nothing; said at once, and off after resume_within."""
+def active_with_button(graph, rig):
+    """Return a bundle that is enabled, and the publisher of its emergency stop."""
     rig = rig(enable=False, e_stop=False)
     button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
     button.publish(Bool(data=False))
     graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
     graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    return rig, button
+
+
+def test_an_emergency_stop_that_nobody_publishes_any_more_ends_it(graph, rig):
+    """Its button would do nothing; said at once, and off after resume_within."""
+    rig, button = active_with_button(graph, rig)
     assert graph.set('recruitment_controller', resume_within=0.3)[0].successful
     graph.probe.destroy_publisher(button)
     vented(graph, rig)
@@ -358,11 +364,7 @@ def test_an_emergency_stop_stays_in_log_and_diagnostics(graph, rig, capfd):
 
 def test_a_stop_that_is_released_at_once_is_not_missed(graph, rig):
     """Both messages wait when the controllers come to look, as after a busy moment."""
-    rig = rig(e_stop=False, enable=False)
-    button = graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
-    button.publish(Bool(data=False))
-    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
-    graph.until(lambda: rig.node._guard.word == 'ACTIVE', 'ACTIVE')
+    rig, button = active_with_button(graph, rig)
     button.publish(Bool(data=True))
     button.publish(Bool(data=False))
     graph.until(lambda: rig.node._guard.word == 'OFF', 'OFF')
