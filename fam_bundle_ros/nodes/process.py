@@ -24,6 +24,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
+from rclpy.logging import get_logger_effective_level, set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
@@ -55,13 +56,15 @@ def ros_context(domain: int | None = None, log_level: str = 'info', alone: bool 
     With ``alone``, the nodes are visible to each other only, so that a simulated run cannot move a
     real rig of the same names.
     """
-    context = Context()
+    context, level = Context(), get_logger_effective_level('')
     with variables(**{'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'} if alone else {}):
         context.init(args=['--ros-args', '--log-level', log_level], domain_id=domain)
     try:
         yield context
     finally:
         context.try_shutdown()
+        # It is that of the process: later nodes would be as silent.
+        set_logger_level('', level)
 
 
 class Spinner:

@@ -161,6 +161,18 @@ def test_node_that_cannot_stop_leaves_the_others_vented(ros_context):
     assert ended == ['first', 'second', 'flush', 'flush']
 
 
+def test_a_quiet_context_leaves_the_log_as_it_was():
+    """After a benchmark in a notebook the nodes of the next cell still warn."""
+    levels = subprocess.run([sys.executable, '-c', """
+from rclpy.logging import get_logger_effective_level
+from fam_bundle_ros.nodes.process import ros_context
+with ros_context(log_level='fatal'):
+    print(int(get_logger_effective_level('')))
+print(int(get_logger_effective_level('')))
+"""], stdout=subprocess.PIPE, text=True).stdout
+    assert levels.split() == ['50', '20']
+
+
 @pytest.mark.parametrize(('node', 'argument', 'text'), [
     ('plant_simulator', 'rate:=1.0e9', 'parameter rate is 1000000000.0; expected a number'),
     ('pressure_pid', 'gains.p:=3', 'parameter gains.p is 3; expected a number with a decimal '
