@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conversion of text with units to SI floats, and back."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 import math
 import re
@@ -30,7 +28,7 @@ _KNOWN = {
 
 
 @lru_cache(maxsize=1)
-def registry() -> pint.UnitRegistry:
+def registry() -> 'pint.UnitRegistry':
     """Return the package's only pint registry (made on first use: it takes 0.3 s)."""
     import pint
     ureg: pint.UnitRegistry = pint.UnitRegistry()

@@ -7,8 +7,6 @@ Every case comes from `discovery_cases`, which shares no code with the catalogue
 printed with its target; the confusion table shows which effects were named instead.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

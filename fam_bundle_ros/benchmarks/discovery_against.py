@@ -7,8 +7,6 @@ Both get the same dictionary as `diagnose`: the force of each effect of the cata
 size, and the sensitivities to the model's own parameters.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from typing import Any
 

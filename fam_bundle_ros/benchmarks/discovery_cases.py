@@ -7,8 +7,6 @@ Motions of the rig, noise, and cases; the physics is in `discovery_truth`, which
 with the catalogue. Cases are determined by their seeds.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ one by one, and random draws of inner isobars or of trials; the six-parameter em
 fitted to and scored on the same rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -7,8 +7,6 @@ For half of the cases the hidden effect has another functional form than the cat
 instead of Mooney-Rivlin, Dahl instead of Maxwell slip, a soft floor instead of a hard one, ...).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Import, compare and diagnose one recording of a campaign; results and errors are plain dicts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 import hashlib
@@ -36,7 +34,7 @@ class Model:
     allow_python: bool = False
 
     @classmethod
-    def of(cls, path: Path, allow_python: bool = False) -> Model:
+    def of(cls, path: Path, allow_python: bool = False) -> 'Model':
         """Return the model of a file; InputError if it cannot be read."""
         try:
             text = path.read_text(encoding='utf-8')

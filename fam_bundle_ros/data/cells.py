@@ -6,8 +6,6 @@ What a cell holds, and columns as numbers, as seconds (dates, times of day), or 
 A cell of text holds nothing, a number, a number with its unit, a date or a time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 import re
 from typing import Any

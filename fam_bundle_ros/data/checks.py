@@ -7,8 +7,6 @@ A reading outside its range usually has a wrong unit in the header; the message 
 that was probably meant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clocks of a table: counters that wrap, and channels that were sampled at their own times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 import re
 from typing import NamedTuple

@@ -7,8 +7,6 @@ Where several columns may be one quantity, or none, the error lists what every c
 for, or why it is not used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 import re

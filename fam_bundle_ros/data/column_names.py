@@ -8,8 +8,6 @@ What people call the columns of a log, in English, German, Japanese and Chinese.
 supply rule a column out.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 import re
 from typing import NamedTuple

@@ -7,8 +7,6 @@ From a table whose columns have names and units to a `Measurement` in SI units.
 SI units, absolute pressures become gauge pressures, and lengths become strains.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 import re

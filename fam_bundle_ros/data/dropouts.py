@@ -6,8 +6,6 @@ Detect readings that a sensor lost and the logger filled in: with the last value
 They are reported and not removed: a diagnosis could explain them as an effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 import math
 

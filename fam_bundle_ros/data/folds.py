@@ -7,8 +7,6 @@ Neighbouring samples are alike, so a fold is a block of what was measured togeth
 split would test nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fam_bundle_ros.data.grouping import merge, pressure_levels, strain_bins, varying_unit

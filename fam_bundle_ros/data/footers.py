@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of a table that are no samples: another header further down, statistics at the end."""
 
-from __future__ import annotations
-
 from itertools import takewhile
 
 import numpy as np

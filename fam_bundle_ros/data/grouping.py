@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Groups of samples: isobars, strain bins, reversals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

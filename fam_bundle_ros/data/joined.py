@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several recordings of one muscle as one measurement."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace

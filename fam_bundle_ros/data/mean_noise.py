@@ -9,8 +9,6 @@ the variances of second differences of the means of 1, 2, 4, ... rows (Guerrier 
 Petersen 1989, *J. Chem. Phys.* 91, 461-466). Second differences do not see slow motion.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ A measurement of a muscle or a bundle: arrays in SI units, with trials, directio
 checks, and a wrong unit or a row of nonsense ends in one sentence that says where.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 import csv
 from dataclasses import dataclass, replace
@@ -206,7 +204,7 @@ class Measurement(Told):
                             for reason, count in self.dropped.items())
         return f'{total} of {total + len(self)} rows left out: {reasons}'
 
-    def select(self, keep: np.ndarray, reason: str = '') -> Measurement:
+    def select(self, keep: np.ndarray, reason: str = '') -> 'Measurement':
         """
         Return the rows where ``keep`` (bool or index array, shape (T,)) holds.
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The message for a quantity that no column was taken for: what was found, and what to tell."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 import re
 

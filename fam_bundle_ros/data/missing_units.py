@@ -6,8 +6,6 @@ Units of columns without one, where only one unit gives sensible readings.
 Where several do, the error names them and what to write. A guessed unit is always reported.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fam_bundle_ros.data.unit_names import Unit, unit_of

@@ -14,8 +14,6 @@ The residual of a fair model takes the slope out of the differences; any smooth 
 model has drops out again.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 

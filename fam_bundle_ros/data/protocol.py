@@ -10,8 +10,6 @@ A protocol is a list of steps (`fam_bundle_ros.data.steps`) with limits; it come
 segments (`fam_bundle_ros.data.schedule`), each of which is one trial of the recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, MISSING
 from itertools import product

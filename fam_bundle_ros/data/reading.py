@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a file of any format, a ROS 2 bag, a pandas frame or arrays to a `Measurement`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options for reading the files of a lab, as an object and as a file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -66,7 +64,7 @@ class Recipe:
             if value is not None and not value > 0.0:
                 raise InputError(f'{key} is {value:g}; expected more than 0')
 
-    def merged(self, **options: Any) -> Recipe:
+    def merged(self, **options: Any) -> 'Recipe':
         """Return the recipe with other options; None changes nothing, columns are added."""
         given = {key: value for key, value in options.items() if value is not None}
         for key, (like, _) in _WITH_UNIT.items():

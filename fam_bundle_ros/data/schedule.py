@@ -6,8 +6,6 @@ What an experiment is and comes to: steps within limits, as numbered segments in
 `protocol` reads and writes it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 import math
 import random

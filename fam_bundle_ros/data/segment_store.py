@@ -8,8 +8,6 @@ for each segment that is complete, each written whole or not at all. In the end 
 ``log.csv``, as `fam_bundle_ros.data.read_measurement` takes it, and the folder goes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 import shutil

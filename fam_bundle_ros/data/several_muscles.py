@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of several specimens, or of one motor unit each, in one table."""
 
-from __future__ import annotations
-
 import re
 
 from fam_bundle_ros.data.cells import cell_text

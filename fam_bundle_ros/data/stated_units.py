@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units that lines beside a table state for its columns: 'Force unit: lbf', 'units: s, psi, N'."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 import re
 

@@ -7,8 +7,6 @@ A course begins at a strain and at pressures and goes on in legs; along a leg st
 change linearly. Nothing here knows of files, models or rigs.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import accumulate

@@ -7,8 +7,6 @@ Lengths become strains by the rest length of the muscle, which the user, the fil
 tells.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from decimal import Decimal
 import re

@@ -7,8 +7,6 @@ What a user tells for a quantity: a column, a column with its calibration, or a 
 ``300 kPa``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Offsets of the force from trial to trial, as of a load cell that was not tared in between."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

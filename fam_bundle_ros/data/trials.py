@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials of a log, by a column or by its clock; time stamps that rows share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Spellings of units in logs and their factors to SI: 'psia', 'kg/cm2', 'mm WS'."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 import re
 from typing import NamedTuple

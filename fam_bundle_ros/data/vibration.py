@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A periodic error of the force in time: a frame that vibrates, or hum folded by sampling."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -13,8 +13,6 @@ changes. The table compares each change with the constants as they are on the ca
 Each answer is appended to ``--rows``: a run that was ended goes on where it was.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

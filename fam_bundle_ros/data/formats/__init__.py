@@ -6,8 +6,6 @@ From a file of any format to a `Table`; what the columns mean is told later (`da
 The content tells the format, not the ending: what looks like a workbook is read as one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

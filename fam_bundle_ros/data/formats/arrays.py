@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns without layout: parquet and feather (pyarrow), .npz and .npy (NumPy), JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 import json

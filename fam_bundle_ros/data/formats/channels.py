@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Channels with times of their own as columns of a table: the times stand left of the readings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 import re
 from typing import NamedTuple

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a text table is written: its separator, its decimal sign, and where its names stand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 import csv
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encoding of a text file, by its byte order mark or by its bytes."""
 
-from __future__ import annotations
-
 import codecs
 from pathlib import Path
 import re

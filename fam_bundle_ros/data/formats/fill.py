@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Levels that stand in the first row of their block only, as merged cells are saved."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

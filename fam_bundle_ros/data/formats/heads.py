@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Heads of tables that are more than a row of names: pairs of key and value, levels, settings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 import re
 

@@ -6,8 +6,6 @@ Lines of a microcontroller in which each value has its name: 't:12 L:120.5 p:250
 A clock without a name before them is kept: '[0.050] p=...', '10:15:42.123 -> p: ...'.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """LabVIEW measurement files: .lvm (text) and .tdms (by npTDMS)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 import io

@@ -9,8 +9,6 @@ the row above with most known quantities, the units another row above of which h
 units.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import takewhile
 import re

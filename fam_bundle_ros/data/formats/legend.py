@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines above a table that say what its columns are: 'CH1 = load cell [N]', '# col 2: strain'."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import replace
 import re

@@ -7,8 +7,6 @@ Each signal becomes a column. Readings of one time share a row; of several signa
 their own the others are blank there, and `data.clocks` brings them together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

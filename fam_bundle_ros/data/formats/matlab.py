@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """MATLAB .mat files: up to version 7 by scipy, 7.3 (HDF5) by h5py; other HDF5 files alike."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

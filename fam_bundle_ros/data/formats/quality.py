@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns that say which readings are good: OPC quality, 'valid', a flag of outliers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

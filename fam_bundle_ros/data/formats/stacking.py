@@ -7,8 +7,6 @@ Three forms: the same columns again and again (Run 1 beside Run 2), one column o
 pressure or strain ('1 bar', '2 bar', ... beside the strain), and sheets of the same columns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clocks in two columns, seconds and their fraction; tables with the newest row first."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import re
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A table as a file holds it: columns of numbers or text under their headers."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress

@@ -7,8 +7,6 @@ The layout is found on the first lines, pandas reads the rest in pieces: a file 
 or one endless line, is refused before it is in memory.
 """
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Iterator
 from functools import partial

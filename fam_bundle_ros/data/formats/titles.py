@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pressures in titles above and between blocks of rows: 'Test 2: p = 3 bar'."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units in a column of their own, as force gauges, balances and databases write them."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 import re

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Maps with a column of force for each way of a loop: 'Force up', 'Force down'."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import re
 

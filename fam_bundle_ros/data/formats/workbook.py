@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Excel workbooks (.xlsx) by pandas and openpyxl."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
