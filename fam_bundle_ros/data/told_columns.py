@@ -8,7 +8,7 @@ What a user tells for a quantity: a column, a column with its calibration, or a 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import re
 
 from fam_bundle_ros.data.cells import is_text, looks_like_time
@@ -71,7 +71,7 @@ def with_sums(table: Table, told: Mapping[str, str]) -> Table:
     InputError
         Where the two have not the same unit.
     """
-    columns, units = dict(table.columns), dict(table.units)
+    columns, whole = table.columns, table
     for text in map(str.strip, told.values()):
         parts = re.fullmatch(r'(.*?\S)\s+([-+])\s+(\S.*)', text)
         if parts is None or _header(table, text)[0]:
@@ -85,10 +85,9 @@ def with_sums(table: Table, told: Mapping[str, str]) -> Table:
                              'expected one unit')
         if unit and parts[2] == '-' and (measure := unit_of(unit, 'Pa')):
             unit = f'{measure.text} gauge'  # whatever both are relative to
-        columns[text] = columns[one] + (1 if parts[2] == '+' else -1) * columns[other]
-        if unit:
-            units[text] = unit
-    return replace(table, columns=columns, units=units)
+        whole = whole.with_column(
+            text, columns[one] + (1 if parts[2] == '+' else -1) * columns[other], unit or '')
+    return whole
 
 
 def told_column(table: Table, key: str, text: str) -> Choice:

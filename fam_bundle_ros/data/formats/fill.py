@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Levels that stand in the first row of their block only, as merged cells are saved."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from fam_bundle_ros.data.column_names import STRAINS
@@ -26,7 +24,7 @@ def filled_down(table: Table) -> Table:
     if force is None or len(force) < _FEWEST:
         return table
     rows = np.isfinite(force)
-    columns, notes = dict(table.columns), []
+    whole = table
     for header, column in table.columns.items():
         if meant[header] not in ('pressure', *STRAINS) or column.dtype.kind != 'f':
             continue
@@ -35,7 +33,8 @@ def filled_down(table: Table) -> Table:
         if few and known[0] <= np.argmax(rows) and np.diff(known).min() > 1 and (
                 len(known) < _FEWEST or 'time' not in meant.values()):
             last = np.searchsorted(known, np.arange(len(column)), 'right') - 1
-            columns[header] = np.where(rows & (last >= 0), column[known[last]], column)
-            notes.append(f"'{header}' stands in {len(known)} of {rows.sum()} rows: taken for the "
-                         'rows below each')
-    return replace(table, columns=columns, notes=(*table.notes, *notes)) if notes else table
+            whole = whole.with_column(
+                header, np.where(rows & (last >= 0), column[known[last]], column)).noted(
+                    f"'{header}' stands in {len(known)} of {rows.sum()} rows: taken for the rows "
+                    'below each')
+    return whole

@@ -3,7 +3,6 @@
 """LabVIEW measurement files: .lvm (text) and .tdms (by npTDMS)."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 import io
 import logging
 from pathlib import Path
@@ -195,9 +194,8 @@ def read_tdms(path: Path, sheet: str | None = None) -> Table:
     if len(alike) > 1:
         whole['trial'] = np.repeat(np.array(list(alike), object), [
             max(len(channel.readings) for channel in group.values()) for group in alike.values()])
-    table = of_arrays(path.name, '.tdms', flattened(whole))
-    return replace(table, notes=(*table.notes, *(
-        f'not read: group {name}' for name in found if name not in alike)))
+    return of_arrays(path.name, '.tdms', flattened(whole)).noted(*(
+        f'not read: group {name}' for name in found if name not in alike))
 
 
 def _of_group(channels: list[Any]) -> dict[str, Series]:

@@ -59,12 +59,11 @@ def without_bad(table: Table) -> Table:
     bad, used = of_bad_quality(table, list(table.columns), np.ones(len(table.rows), bool), _WELL)
     if not bad.any():
         return table
-    note = (f"{counted(int(bad.sum()), 'row')} left out that {' and '.join(map(repr, used))} "
-            f'{"calls" if len(used) == 1 else "call"} bad (first row '
-            f'{table.rows[np.argmax(bad)]})')
-    return replace(table, columns={header: column[~bad] for header, column in
-                                   table.columns.items() if header not in used},
-                   rows=table.rows[~bad], notes=(*table.notes, note))
+    return replace(table, rows=table.rows[~bad], columns={
+        header: cells[~bad] for header, cells in table.columns.items() if header not in used},
+        ).noted(
+        f"{counted(int(bad.sum()), 'row')} left out that {' and '.join(map(repr, used))} "
+        f'{"calls" if len(used) == 1 else "call"} bad (first row {table.rows[np.argmax(bad)]})')
 
 
 def _word(cell: Any) -> str:

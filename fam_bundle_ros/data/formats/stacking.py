@@ -17,7 +17,7 @@ import numpy as np
 from fam_bundle_ros.data.cells import cell_text, is_text
 from fam_bundle_ros.data.column_names import dimension_of, recognise, STRAINS
 from fam_bundle_ros.data.formats.heads import cells_of
-from fam_bundle_ros.data.formats.table import is_unnamed, names_column, Table, unique
+from fam_bundle_ros.data.formats.table import is_unnamed, joined, names_column, Table, unique
 from fam_bundle_ros.data.formats.titles import titles_of
 from fam_bundle_ros.data.missing_units import time_unit
 from fam_bundle_ros.data.unit_names import unit_of
@@ -92,17 +92,17 @@ def one_below_the_other(tables: Mapping[str, Table]) -> Table | None:
     lengths = [len(table.rows) for table in tables.values()]
     whole = _with_levels(replace(
         first, blanks=None, rows=np.concatenate([table.rows for table in tables.values()]),
-        columns={header: _joined([table.columns[header] for table in tables.values()])
+        columns={header: joined([table.columns[header] for table in tables.values()])
                  for header in first.columns},
         above=tuple(dict.fromkeys(line for table in tables.values() for line in table.above)),
-        notes=(*first.notes, f'read one below the other: {", ".join(tables)}')),
-        list(tables), lengths)
+        ).noted(f'read one below the other: {", ".join(tables)}'), list(tables), lengths)
     titles = [titles_of(table) for table in tables.values()]
     if 'pressure' in whole.quantities.values() or any(len(each) != 1 for each in titles) or len(
             {(title.kind, title.absolute) for title, in titles}) > 1:
         return whole
-    return _with_pressure(whole, np.repeat([title.pressure for title, in titles], lengths),
-                          'Pa abs' if titles[0][0].absolute else 'Pa')
+    return whole.with_column(
+        'pressure', np.repeat([title.pressure for title, in titles], lengths),
+        'Pa abs' if titles[0][0].absolute else 'Pa')
 
 
 def parts_of_one(tables: Sequence[Table]) -> Table | None:
@@ -141,7 +141,7 @@ def parts_of_one(tables: Sequence[Table]) -> Table | None:
             elif headers.count(header) > 1 or is_unnamed(header):
                 name = f'{table.name.rpartition(".")[0] or table.name} {header}'
             blank = np.full(rows - len(column), np.nan)
-            columns[name] = _joined([column, blank])
+            columns[name] = joined([column, blank])
             units |= {name: unit} if unit else {}
     names = [table.name for table in tables]
     return Table(' + '.join(names), 'files side by side', columns, units, notes=(
@@ -174,21 +174,15 @@ def _blocks(table: Table, told: Mapping[str, str]) -> Table | None:
     for block in blocks:
         rows = np.flatnonzero(np.any([_filled(table.columns[header]) for header in block], axis=0))
         parts.append(rows[:0] if not len(rows) else np.arange(rows[0], rows[-1] + 1))
-    columns = {header: _joined([table.columns[block[at]][rows]
-                                for block, rows in zip(blocks, parts)])
-               for at, header in enumerate(first)}
     lengths = list(map(len, parts))
     over = [] if 'pressure' in known else _pressures_over(table.above, len(blocks))
-    whole = replace(table, columns=columns, blanks=None, rows=table.rows[np.concatenate(parts)],
-                    units={header: table.units[header] for header in first
-                           if header in table.units},
-                    notes=(*table.notes, f'{len(blocks)} trials side by side: read one below the '
-                           'other' + ', each at the pressure above it' * bool(over)))
+    whole = table.stacked([dict(zip(first, block)) for block in blocks], parts).noted(
+        f'{len(blocks)} trials side by side: read one below the other'
+        + ', each at the pressure above it' * bool(over))
     if over:
         return _with_levels(whole, over, lengths)
-    if 'trial' not in known:
-        columns['trial'] = np.repeat(np.arange(1.0, len(blocks) + 1.0), lengths)
-    return whole
+    return whole if 'trial' in known else whole.with_column(
+        'trial', np.repeat(np.arange(1.0, len(blocks) + 1.0), lengths))
 
 
 def _pressures_over(lines: Sequence[str], count: int) -> list[str]:
@@ -228,23 +222,18 @@ def _levels(table: Table) -> Table | None:
     beside = set(STRAINS) if quantity == 'pressure' else {'pressure'}
     if 'force' in known.values() or not beside & set(known.values()):
         return None
-    count = len(table.rows)
-    columns = {header: _joined([table.columns[header]] * len(levels)) for header in rest}
-    columns[quantity] = np.repeat([level.value for level in levels.values()], count)
-    columns['force'] = _joined([table.columns[header] for header in levels])
-    if 'trial' not in known.values():
-        columns['trial'] = np.repeat(np.array(list(levels), object), count)
-    units = {header: table.units[header] for header in rest if header in table.units}
-    units |= {quantity: unit} if unit else {}
-    force_unit = next((force.unit.text for force in forces.values() if force.unit), '')
-    if force_unit:
-        units['force'] = force_unit
     # a level that was not measured in a row has a blank cell there
-    kept = _filled(columns['force'])
-    return replace(table, columns={header: cells[kept] for header, cells in columns.items()},
-                   units=units, blanks=None, rows=np.tile(table.rows, len(levels))[kept],
-                   notes=(*table.notes, f'{len(levels)} columns are the force at a {quantity} '
-                          'each: read one below the other'))
+    rows = [np.flatnonzero(_filled(table.columns[header])) for header in levels]
+    lengths = list(map(len, rows))
+    whole = table.stacked([dict(zip(rest, rest))] * len(levels), rows).with_column(
+        quantity, np.repeat([level.value for level in levels.values()], lengths), unit,
+        ).with_column(
+            'force', joined([table.columns[header][own] for header, own in zip(levels, rows)]),
+            next((force.unit.text for force in forces.values() if force.unit), ''))
+    if 'trial' not in known.values():
+        whole = whole.with_column('trial', np.repeat(np.array(list(levels), object), lengths))
+    return whole.noted(f'{len(levels)} columns are the force at a {quantity} each: read one '
+                       'below the other')
 
 
 def _by_trials(table: Table) -> Table | None:
@@ -263,9 +252,9 @@ def _by_trials(table: Table) -> Table | None:
         level.quantity == 'pressure')}
     if len(found) < len(levels) or len({level.unit for level in found.values()}) != 1:
         return None
-    whole = _with_pressure(table, np.array([found[name].value for name in names]),
-                           found[names[0]].unit)
-    return replace(whole, notes=(*table.notes, f"pressure as the names in '{trials[0]}' tell"))
+    return table.with_column(
+        'pressure', np.array([found[name].value for name in names]), found[names[0]].unit,
+        ).noted(f"pressure as the names in '{trials[0]}' tell")
 
 
 def _meant(table: Table, header: str) -> str:
@@ -280,17 +269,10 @@ def _with_levels(table: Table, names: Sequence[str], lengths: Sequence[int]) -> 
     levels = [level for name in names if (level := _level(name)) and level.quantity == 'pressure']
     if 'pressure' not in known and len(levels) == len(names) and len(
             {level.unit for level in levels}) == 1:
-        table = _with_pressure(table, np.repeat([level.value for level in levels], lengths),
-                               levels[0].unit)
-    if 'trial' in known:
-        return table
-    trial = np.repeat(np.array(names, object), lengths)
-    return replace(table, columns={**table.columns, 'trial': trial})
-
-
-def _with_pressure(table: Table, pressure: np.ndarray, unit: str) -> Table:
-    return replace(table, columns={**table.columns, 'pressure': pressure},
-                   units={**table.units, 'pressure': unit})
+        table = table.with_column(
+            'pressure', np.repeat([level.value for level in levels], lengths), levels[0].unit)
+    return table if 'trial' in known else table.with_column(
+        'trial', np.repeat(np.array(names, object), lengths))
 
 
 def _level(name: str) -> _Level | None:
@@ -328,9 +310,3 @@ def _filled(cells: np.ndarray) -> np.ndarray:
     if cells.dtype.kind in 'mM':
         return ~np.isnat(cells)
     return np.array([cell == cell and str(cell or '').strip() != '' for cell in cells], bool)
-
-
-def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return columns one below the other; text if one of them is."""
-    kinds = {part.dtype.kind for part in parts}
-    return np.concatenate([part if len(kinds) == 1 else part.astype(object) for part in parts])

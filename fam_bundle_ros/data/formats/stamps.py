@@ -58,9 +58,8 @@ def oldest_first(table: Table) -> Table:
         steps = np.diff(clock)
         if (steps <= 0.0).all() and steps.any():
             return replace(table, rows=table.rows[::-1], columns={
-                name: each[::-1] for name, each in table.columns.items()},
-                notes=(*table.notes, f"the newest row is the first, by '{header}': read from the "
-                       'last row up'))
+                name: each[::-1] for name, each in table.columns.items()}).noted(
+                    f"the newest row is the first, by '{header}': read from the last row up")
     return table
 
 

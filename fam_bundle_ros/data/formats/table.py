@@ -5,7 +5,7 @@
 import ast
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 import re
 from typing import Any
@@ -87,6 +87,36 @@ class Table:
             cell = column[int(np.argmax(self.rows == row))]
             return cell.strip() if isinstance(cell, str) else ''
         return self.blanks(header, row).strip() if self.blanks is not None else ''
+
+    def noted(self, *notes: str) -> 'Table':
+        """Return the table with further notes."""
+        return replace(self, notes=(*self.notes, *notes))
+
+    def with_column(self, header: str, cells: np.ndarray, unit: str = '') -> 'Table':
+        """Return the table with a further column, or another one under a header."""
+        return replace(self, columns={**self.columns, header: cells},
+                       units={**self.units, header: unit} if unit else self.units)
+
+    def stacked(self, parts: Sequence[Mapping[str, str]],
+                rows: Sequence[np.ndarray] = ()) -> 'Table':
+        """
+        Return parts that lie side by side one below the other; units are those of the first.
+
+        ``parts`` tell from which column each new one is, ``rows`` which each has (all by default).
+        """
+        rows = rows or [np.arange(len(self.rows))] * len(parts)
+        return replace(
+            self, blanks=None, rows=np.concatenate([self.rows[own] for own in rows]),
+            columns={name: joined([self.columns[part[name]][own]
+                                   for part, own in zip(parts, rows)]) for name in parts[0]},
+            units={name: self.units[header] for name, header in parts[0].items()
+                   if header in self.units})
+
+
+def joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Return columns one below the other; text if one of them is."""
+    kinds = {part.dtype.kind for part in parts}
+    return np.concatenate([part if len(kinds) == 1 else part.astype(object) for part in parts])
 
 
 def check_size(path: Path) -> None:

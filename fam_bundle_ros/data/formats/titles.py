@@ -60,16 +60,16 @@ def titled(table: Table) -> Table:
     pressure = np.repeat([title.pressure for title in titles], lengths)
     rows = np.isin(table.rows, [title.row for title in titles]) & ~readings
     # titles are removed from the columns: they are neither readings nor headers
-    columns = {header: _without(column, rows) for header, column in table.columns.items()}
-    columns['pressure'] = np.where(readings, pressure, np.nan)
+    whole = replace(table, columns={header: _without(column, rows)
+                                    for header, column in table.columns.items()}).with_column(
+        'pressure', np.where(readings, pressure, np.nan),
+        'Pa abs' if titles[0].absolute else 'Pa')
     if 'trial' not in known:
         texts = np.repeat(np.array([title.text for title in titles], object), lengths)
-        columns['trial'] = np.where(readings, texts, '')
-    return replace(table, columns=columns, units={
-        **table.units, 'pressure': 'Pa abs' if titles[0].absolute else 'Pa'},
-        notes=(*table.notes, f"pressure as the titles of {len(titles)} blocks tell, "
-               f"'{titles[0].text}' (row {titles[0].row}) to '{titles[-1].text}' "
-               f'(row {titles[-1].row})'))
+        whole = whole.with_column('trial', np.where(readings, texts, ''))
+    return whole.noted(
+        f"pressure as the titles of {len(titles)} blocks tell, '{titles[0].text}' (row "
+        f"{titles[0].row}) to '{titles[-1].text}' (row {titles[-1].row})")
 
 
 def titles_of(table: Table) -> list[Title]:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Maps with a column of force for each way of a loop: 'Force up', 'Force down'."""
 
-from dataclasses import replace
 import re
 
 import numpy as np
@@ -32,16 +31,11 @@ def one_way_below_the_other(table: Table) -> Table:
             return table
         both = {header: header for header in table.columns
                 if header not in (*there.values(), *back.values())}
-        columns = {name: np.concatenate([table.columns[{**both, **way}[name]]
-                                         for way in (there, back)]) for name in (*both, *there)}
+        whole = table.stacked([{**both, **there}, {**both, **back}])
         if 'trial' not in table.quantities.values():
-            columns['trial'] = np.repeat(np.array(ways, object), len(table.rows))
-        units = {name: text for name, header in {**both, **there}.items()
-                 if (text := table.units.get(header))}
-        note = (f"columns '{ways[0]}' and '{ways[1]}' are the two ways of a loop: read one below "
-                'the other')
-        return replace(table, columns=columns, units=units, rows=np.tile(table.rows, 2),
-                       blanks=None, notes=(*table.notes, note))
+            whole = whole.with_column('trial', np.repeat(np.array(ways, object), len(table.rows)))
+        return whole.noted(f"columns '{ways[0]}' and '{ways[1]}' are the two ways of a loop: read "
+                           'one below the other')
     return table
 
 

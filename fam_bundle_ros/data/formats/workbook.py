@@ -88,7 +88,7 @@ def read_workbook(path: Path, sheet: str | None = None) -> Table:
             return replace(parts, name=path.name, kind='sheets side by side')
     others = [other.kind for other in found.values() if other is not table]
     notes = (f'not read: {", ".join(others)} (tell the sheet)',) if others else ()
-    return replace(table, notes=table.notes + notes)
+    return table.noted(*notes)
 
 
 def _of_sheet(file: str, sheet: str, frame: Any, cells: Any) -> Table | None:
