@@ -9,6 +9,8 @@ instead of Mooney-Rivlin, Dahl instead of Maxwell slip, a soft floor instead of 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
+import math
 
 import numpy as np
 
@@ -82,36 +84,25 @@ class Hidden:
 
 def true_force(record: Record, rig: Rig, hidden: list[Hidden]) -> np.ndarray:
     """Return the tension of all motor units, N, (T,)."""
+    def hooks(name: str) -> list[Callable]:
+        return [hook for h in hidden if (hook := getattr(h, name))]
+
     total = np.zeros(len(record.time))
     for unit in range(record.pressure.shape[1]):
         e, p = record.strain, record.pressure[:, unit]
-        for h in hidden:
-            if h.pressure:
-                p = h.pressure(p, record)
+        for pressure in hooks('pressure'):
+            p = pressure(p, record)
         felt = e
-        for h in hidden:
-            if h.strain:
-                felt = h.strain(felt, p)
-        stretch = 1.0
-        area = 1.0
-        for h in hidden:
-            if h.stretch:
-                stretch = stretch * h.stretch(felt, p)
-            if h.area:
-                area *= h.area(unit)
+        for strain in hooks('strain'):
+            felt = strain(felt, p)
+        stretch = math.prod((hook(felt, p) for hook in hooks('stretch')), start=1.0)
+        area = math.prod(hook(unit) for hook in hooks('area'))
         rubber = rig.rubber(felt, stretch)
-        force = area * (rig.mesh(felt, p, stretch) + rubber)
-        for h in hidden:
-            if h.rubber:
-                force = force + h.rubber(rubber, record)
-        for h in hidden:
-            if h.limit:
-                force = h.limit(force, e, p)
-        added = np.zeros_like(force)
-        for h in hidden:
-            if h.loss:
-                added = added + h.loss(force, e, p, record)
-        total += force + added
+        force = sum((hook(rubber, record) for hook in hooks('rubber')),
+                    area * (rig.mesh(felt, p, stretch) + rubber))
+        for limit in hooks('limit'):
+            force = limit(force, e, p)
+        total += force + sum(hook(force, e, p, record) for hook in hooks('loss'))
     return total
 
 
@@ -283,25 +274,20 @@ def make_hidden(name: str, form: str, rng: np.random.Generator, size: float = 1.
     return _sensor(name, form, rng, size)
 
 
+#: Errors of sensors: parameter and its range, and what it (x) makes of force, strain and pressure.
+_SENSORS: dict[str, tuple[str, float, float, Callable]] = {
+    'force_sensor_bias': ('bias', 1.0, 5.0, lambda f, e, p, x: (f + x, e, p)),
+    'force_sensor_gain': ('gain', 0.02, 0.06, lambda f, e, p, x: (f * (1 + x), e, p)),
+    'pressure_sensor_bias': ('bias', 6e3, 25e3, lambda f, e, p, x: (f, e, p + x)),
+    'pressure_sensor_gain': ('gain', 0.02, 0.06, lambda f, e, p, x: (f, e, p * (1 + x))),
+    'strain_sensor_offset': ('offset', 0.004, 0.015, lambda f, e, p, x: (f, e + x, p))}
+
+
 def _sensor(name: str, form: str, rng: np.random.Generator, size: float) -> Hidden:
     sign = rng.choice([-1.0, 1.0])
-    u = rng.uniform
-    if name == 'force_sensor_bias':
-        b = size * sign * u(1.0, 5.0)
-        return Hidden(name, form, {'bias': b}, shown=lambda f, e, p: (f + b, e, p))
-    if name == 'force_sensor_gain':
-        g = sign * u(0.02, 0.06)
-        return Hidden(name, form, {'gain': g}, shown=lambda f, e, p: (f * (1 + g), e, p))
-    if name == 'pressure_sensor_bias':
-        b = sign * u(6e3, 25e3)
-        return Hidden(name, form, {'bias': b}, shown=lambda f, e, p: (f, e, p + b))
-    if name == 'pressure_sensor_gain':
-        g = sign * u(0.02, 0.06)
-        return Hidden(name, form, {'gain': g}, shown=lambda f, e, p: (f, e, p * (1 + g)))
-    if name == 'strain_sensor_offset':
-        o = sign * u(0.004, 0.015)
-        return Hidden(name, form, {'offset': o}, shown=lambda f, e, p: (f, e + o, p))
-    raise ValueError(f'no generator for {name}')
+    parameter, low, high, shown = _SENSORS[name]
+    x = (size if name == 'force_sensor_bias' else 1.0) * sign * rng.uniform(low, high)
+    return Hidden(name, form, {parameter: x}, shown=partial(shown, x=x))
 
 
 #: Effects beyond the catalogue: none of its families can make these.
