@@ -1,8 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Display of results in a shell and in a notebook, and words for them."""
+"""Display of results in a shell, in a notebook and in tables, and words for them."""
 
 from html import escape
+from typing import Any
 
 
 class Told:
@@ -39,3 +40,23 @@ def number(value: float, digits: int = 3, sign: bool = False) -> str:
 def counted(number: int, noun: str) -> str:
     """Return a number and a noun: `1 trial`, `2 trials`."""
     return f'{number} {noun}{"s" * (number != 1)}'
+
+
+def shown(value: Any) -> str:
+    """
+    Return the text of a table cell: three significant digits; a dash without a value.
+
+    Examples
+    --------
+    >>> shown(1234.56), shown(0.01234), shown(2.0), shown(1.234e6)
+    ('1235', '0.0123', '2', '1.23e+06')
+    >>> shown(7), shown(True), shown(None), shown(float('nan'))
+    ('7', 'yes', '–', '–')
+    """
+    if value is None or (isinstance(value, float) and value != value):
+        return '–'
+    if isinstance(value, bool):
+        return 'yes' if value else 'no'
+    if not isinstance(value, float):
+        return str(value)
+    return number(value)

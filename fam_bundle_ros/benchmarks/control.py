@@ -11,6 +11,8 @@ in `control_metrics`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
+import random
 import time
 from typing import Any
 
@@ -22,7 +24,6 @@ from fam_bundle_ros.benchmarks.control_metrics import (
 )
 from fam_bundle_ros.benchmarks.control_summary import summarise
 from fam_bundle_ros.benchmarks.control_trajectories import is_strain, make_trajectory, TRAJECTORIES
-from fam_bundle_ros.benchmarks.cover import pairwise
 from fam_bundle_ros.benchmarks.margins import (
     baseline_gains,
     CONTROLLERS,
@@ -179,3 +180,45 @@ def _run_group(group):
         wanted = (case.plant, case.trajectory, case.units) in SHOWN
         out.append((rows, logs if wanted else {}))
     return out
+
+
+def pairwise(factors: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
+    """
+    Return cases, with one value of each factor, that cover every pair of values.
+
+    Greedy: of several random candidates, the one with most pairs not covered yet. The two longest
+    factors determine the smallest number of cases.
+
+    Examples
+    --------
+    >>> len(pairwise([['a', 'b', 'c'], [1, 2, 3], ['x', 'y']]))
+    9
+    """
+    chance = random.Random(0)
+    missing = {((i, a), (j, b)) for i, j in combinations(range(len(factors)), 2)
+               for a in factors[i] for b in factors[j]}
+    cases = []
+    while missing:
+        begun = min(missing, key=repr)
+        tries = []
+        for _ in range(12):
+            case: list[Any] = [None] * len(factors)
+            for i, value in begun:
+                case[i] = value
+            order = [i for i in range(len(factors)) if case[i] is None]
+            chance.shuffle(order)
+            for i in order:
+                values = list(factors[i])
+                chance.shuffle(values)
+                case[i] = max(values, key=lambda value: len(
+                    missing & _pairs([*case[:i], value, *case[i + 1:]])))
+            tries.append(tuple(case))
+        best = max(tries, key=lambda case: len(missing & _pairs(case)))
+        missing -= _pairs(best)
+        cases.append(best)
+    return cases
+
+
+def _pairs(case: Sequence[Any]) -> set[tuple[tuple[int, Any], ...]]:
+    """Return the pairs of (factor, value) that a case covers; None is no value."""
+    return set(combinations([(i, value) for i, value in enumerate(case) if value is not None], 2))

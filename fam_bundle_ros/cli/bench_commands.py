@@ -193,7 +193,7 @@ def bench(
             console.print(f'{result.row.name}: {line}', highlight=False, style='dim')
     machine = speed.machine()
     if out is not None:
-        from fam_bundle_ros.report.bench_page import bench_page
+        from fam_bundle_ros.report.control_pages import bench_page
         save_page(out, bench_page(results, machine))
     save_json(json_file, {'machine': machine, 'scale': scale,
                           'rows': [result.to_json() for result in results]})

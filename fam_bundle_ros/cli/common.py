@@ -22,8 +22,8 @@ import typer
 from fam_bundle_ros import palette
 from fam_bundle_ros.atomic import refuse_unwritable
 from fam_bundle_ros.errors import about, InputError
-from fam_bundle_ros.report.numbers import shown
 from fam_bundle_ros.resources import data_path, model_path
+from fam_bundle_ros.told import shown
 
 #: Width for a pipe or a file, large enough that no row of a table is wrapped.
 _PIPE_WIDTH = 160

@@ -12,16 +12,13 @@ from fam_bundle_ros.data.bagfile import bag_table, read_bag
 from fam_bundle_ros.data.columns import described, read_columns
 from fam_bundle_ros.data.formats import is_bag, read_table, Table
 from fam_bundle_ros.data.formats.arrays import of_arrays, of_frame
-from fam_bundle_ros.data.formats.fill import filled_down
-from fam_bundle_ros.data.formats.legend import with_legend
 from fam_bundle_ros.data.formats.long import wide
 from fam_bundle_ros.data.formats.quality import without_bad
-from fam_bundle_ros.data.formats.stacking import parts_of_one, unstacked
+from fam_bundle_ros.data.formats.stacking import one_way_below_the_other, parts_of_one, unstacked
 from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.table import names_column
-from fam_bundle_ros.data.formats.titles import titled
+from fam_bundle_ros.data.formats.titles import filled_down, titled, with_legend
 from fam_bundle_ros.data.formats.unit_columns import with_unit_columns
-from fam_bundle_ros.data.formats.ways import one_way_below_the_other
 from fam_bundle_ros.data.measurement import file_digest, Measurement, Taken
 from fam_bundle_ros.data.recipe import load_recipe, Recipe
 from fam_bundle_ros.resources import data_path

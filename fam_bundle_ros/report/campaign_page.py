@@ -13,8 +13,7 @@ from fam_bundle_ros.campaign.trends import LEAST
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report import campaign_figures as figures
 from fam_bundle_ros.report.map_page import model_section
-from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
-from fam_bundle_ros.report.provenance import provenance
+from fam_bundle_ros.report.page import Headline, Page, Picture, provenance, Section, Table
 from fam_bundle_ros.told import counted, number
 
 #: Largest number of trends that are drawn; all are in the table.

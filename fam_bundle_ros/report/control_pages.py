@@ -1,16 +1,17 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages and tables of control: one run, and the benchmark on plants that are not the model."""
+"""Pages and tables of benchmarks: control on plants that are not the model, speed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fam_bundle_ros.benchmarks.control import ControlBenchmark
 from fam_bundle_ros.benchmarks.plants import PLANTS
+from fam_bundle_ros.benchmarks.speed import FIGURE_HEAD as SPEED_HEAD
+from fam_bundle_ros.benchmarks.speed import Result
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.report import control_figures
-from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
-from fam_bundle_ros.report.provenance import provenance
+from fam_bundle_ros.report.page import Headline, Page, Picture, provenance, Section, Table
 from fam_bundle_ros.simulation import Log
 
 #: Column titles of `plant_cells`; pairs are reversal_aware and equal_pressure.
@@ -142,3 +143,19 @@ def _every_run(result: ControlBenchmark) -> Table:
         [(row['plant'], row['trajectory'], row['units'], row['seed'], row['controller'],
           *(row[key] for key in keys), 1e6 * row['air_mass'],
           ', '.join(f'{gain:.3g}' for gain in row.get('gains', ()))) for row in result.rows])
+
+
+def bench_page(results: Sequence[Result], machine: Mapping[str, Any]) -> Page:
+    """Return the page of measured rows on a machine, which `speed.machine` describes."""
+    asked = [figure for result in results for figure in result.figures
+             if figure.reached is not None]
+    reached = sum(figure.reached is True for figure in asked)
+    sections = [
+        Section(f'{result.row.name}: {result.row.what}', '; '.join(result.remarks), [
+            Table(SPEED_HEAD, [figure.cells for figure in result.figures])]
+                if result.figures else [])
+        for result in results]
+    return Page('Speed of the parts',
+                f'{reached} of {len(asked)} targets are reached. Ratios were measured in one run '
+                'on one machine; the shortest of several repeats is used.', (), sections,
+                provenance((), [(name, str(value)) for name, value in machine.items()]))

@@ -15,10 +15,9 @@ from fam_bundle_ros.plant import RigConfig
 from fam_bundle_ros.report.control_pages import run_pictures
 from fam_bundle_ros.report.discovery_pages import diagnosis_sections
 from fam_bundle_ros.report.map_page import model_section
-from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
+from fam_bundle_ros.report.page import Headline, Page, Picture, provenance, Section, Table
 from fam_bundle_ros.report.paper import PaperFigures
 from fam_bundle_ros.report.paper_plots import map_pictures
-from fam_bundle_ros.report.provenance import provenance
 from fam_bundle_ros.simulation import Log
 from fam_bundle_ros.told import number
 

@@ -14,10 +14,8 @@ from fam_bundle_ros.discovery.templates import SHARE
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
 from fam_bundle_ros.report.map_page import model_section
-from fam_bundle_ros.report.numbers import shown
-from fam_bundle_ros.report.page import Headline, Page, Picture, Section, Table
-from fam_bundle_ros.report.provenance import provenance
-from fam_bundle_ros.told import number
+from fam_bundle_ros.report.page import Headline, Page, Picture, provenance, Section, Table
+from fam_bundle_ros.told import number, shown
 
 Files = Sequence[tuple[str, str | Path]]
 #: Definition of the ladder's held-out error, for every caption.

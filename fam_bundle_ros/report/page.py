@@ -10,12 +10,15 @@ decompress themselves).
 
 import base64
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 import gzip
 from html import escape
+from importlib import metadata
 import json
 from pathlib import Path
+import platform
 from string import Template
 from typing import Any
 
@@ -24,9 +27,11 @@ import plotly.graph_objects as go
 import fam_bundle_ros
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.atomic import write_whole
-from fam_bundle_ros.report.numbers import shown
+from fam_bundle_ros.data.measurement import file_digest
+from fam_bundle_ros.told import shown
 
 _ASSETS = Path(__file__).parent / 'assets'
+_PACKAGES = ('numpy', 'scipy', 'plotly', 'control')
 
 
 @dataclass(frozen=True)
@@ -205,3 +210,21 @@ def _cell(value: Any) -> str:
         return ('<span class="named"><span class="swatch" style="background:'
                 f'{palette.effect(name).light}"></span>{escape(name)}</span>')
     return escape(shown(value))
+
+
+def provenance(files: Sequence[tuple[str, str | Path]] = (),
+               more: Sequence[tuple[str, str]] = ()) -> list[tuple[str, str]]:
+    """
+    Return the rows of a report's provenance table.
+
+    ``files`` are (what it is, path), ``more`` (what, value): seeds; what is simulated, measured.
+    """
+    versions = []
+    for name in _PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions.append(f'{name} {metadata.version(name)}')
+    return [*((what, f'{Path(path).name}, sha256 {file_digest(path)[:16]}…')
+              for what, path in files), *more,
+            ('fam_bundle_ros', fam_bundle_ros.__version__), ('versions', ', '.join(versions)),
+            ('Python', f'{platform.python_version()} on {platform.system()} '
+                       f'{platform.machine()}')]

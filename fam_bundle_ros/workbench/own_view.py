@@ -11,9 +11,9 @@ import numpy as np
 from fam_bundle_ros import palette, plotting
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.workbench import drawings, own_effect, parts
+from fam_bundle_ros.workbench.drawings import thin
 from fam_bundle_ros.workbench.own_effect import Draft, Field, PLACES, Preview
 from fam_bundle_ros.workbench.session import short
-from fam_bundle_ros.workbench.thinning import thin
 
 if TYPE_CHECKING:
     from fam_bundle_ros.workbench.case_view import CaseView

@@ -12,8 +12,7 @@ from fam_bundle_ros.report.discovery_pages import (
     ladder_picture,
 )
 from fam_bundle_ros.report.map_page import model_section
-from fam_bundle_ros.report.page import Headline, Page, render, Section
-from fam_bundle_ros.report.provenance import provenance
+from fam_bundle_ros.report.page import Headline, Page, provenance, render, Section
 from fam_bundle_ros.workbench.session import Session, short
 
 

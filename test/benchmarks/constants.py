@@ -30,7 +30,7 @@ from fam_bundle_ros.data.reading import read_measurement
 from fam_bundle_ros.discovery import diagnose, settings
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.model import load_model
-from fam_bundle_ros.report.numbers import shown
+from fam_bundle_ros.told import shown
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What the rows of a run are compared with.

@@ -13,8 +13,8 @@ import pandas
 import pytest
 
 from fam_bundle_ros.campaign import job, run_campaign
+from fam_bundle_ros.campaign.campaign import Store
 from fam_bundle_ros.campaign.recordings import find, Recording
-from fam_bundle_ros.campaign.store import Store
 from fam_bundle_ros.campaign.tables import parameter_rows
 from fam_bundle_ros.data import Recipe
 from fam_bundle_ros.data.measurement import file_digest

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.benchmarks import control, margins
-from fam_bundle_ros.benchmarks.control import Case, cases_of, run_benchmark
+from fam_bundle_ros.benchmarks.control import Case, cases_of, pairwise, run_benchmark
 from fam_bundle_ros.benchmarks.control_metrics import chatters, compared, held_air, row_of
 from fam_bundle_ros.benchmarks.control_summary import summarise
 from fam_bundle_ros.benchmarks.control_trajectories import (
@@ -20,7 +20,6 @@ from fam_bundle_ros.benchmarks.control_trajectories import (
     top_force,
     TRAJECTORIES,
 )
-from fam_bundle_ros.benchmarks.cover import pairwise
 from fam_bundle_ros.benchmarks.margins import (
     asked_margin,
     CONTROLLERS,

@@ -17,9 +17,9 @@ from fam_bundle_ros.data.cells import (
     numbers,
     seconds,
 )
-from fam_bundle_ros.data.formats.labelled import labelled
 from fam_bundle_ros.data.formats.stamps import oldest_first, with_stamps
 from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.formats.text import labelled
 from fam_bundle_ros.errors import InputError
 
 START = datetime(2026, 5, 3, 23, 59, 50)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.model import Bundle, load_model
-from fam_bundle_ros.report.muscle_plots import muscle_pictures
+from fam_bundle_ros.report.map_page import muscle_pictures
 from fam_bundle_ros.report.paper import paper_figures, PSI, readings
 from fam_bundle_ros.report.paper_plots import map_pictures
 from fam_bundle_ros.resources import config_path

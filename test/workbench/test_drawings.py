@@ -12,8 +12,8 @@ from fam_bundle_ros import palette
 from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.workbench import drawings
 from fam_bundle_ros.workbench.cases import Case, load_example
+from fam_bundle_ros.workbench.drawings import thin, thin_groups
 from fam_bundle_ros.workbench.session import Session
-from fam_bundle_ros.workbench.thinning import thin, thin_groups
 
 
 def points(figure):

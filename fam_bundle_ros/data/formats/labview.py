@@ -15,7 +15,7 @@ from fam_bundle_ros.data.cells import is_blank, is_number, seconds
 from fam_bundle_ros.data.column_names import recognise
 from fam_bundle_ros.data.formats.arrays import flattened, of_arrays
 from fam_bundle_ros.data.formats.channels import filled_up, Series
-from fam_bundle_ros.data.formats.encodings import encoding_of
+from fam_bundle_ros.data.formats.dialect import encoding_of
 from fam_bundle_ros.data.formats.layout import trimmed
 from fam_bundle_ros.data.formats.table import plain_columns, reading_as, Table, unique
 from fam_bundle_ros.errors import in_short, InputError

@@ -3,8 +3,9 @@
 """
 Tables in which several trials lie side by side, or on several sheets, as one below the other.
 
-Three forms: the same columns again and again (Run 1 beside Run 2), one column of force per
-pressure or strain ('1 bar', '2 bar', ... beside the strain), and sheets of the same columns.
+Four forms: the same columns again and again (Run 1 beside Run 2), one column of force per
+pressure or strain ('1 bar', '2 bar', ... beside the strain) or for each way of a loop ('Force up',
+'Force down'), and sheets of the same columns.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,6 +38,11 @@ _AT = r'((^|[\s_])(at|bei|p))+$', r'((^|[\s_])(at|bei|l|x|[d\u03b4\u0394]l|contr
 ONE_CLOCK = ('the times of these parts are taken as one clock; if the clocks began apart, tell '
              'the difference: for example, --columns "time=time 2 + 1.7 s" is for a second clock '
              'that began 1.7 s after the first')
+#: Words for one way and for the way back.
+_WAYS = (('up', 'down'), ('auf', 'ab'), ('aufw\u00e4rts', 'abw\u00e4rts'), ('hin', 'r\u00fcck'),
+         ('loading', 'unloading'), ('belastung', 'entlastung'), ('inflation', 'deflation'),
+         ('inflating', 'deflating'), ('ascending', 'descending'), ('increasing', 'decreasing'),
+         ('forward', 'backward'), ('forward', 'reverse'), ('forth', 'back'))
 
 
 class _Level(NamedTuple):
@@ -310,3 +316,40 @@ def _filled(cells: np.ndarray) -> np.ndarray:
     if cells.dtype.kind in 'mM':
         return ~np.isnat(cells)
     return np.array([cell == cell and str(cell or '').strip() != '' for cell in cells], bool)
+
+
+def one_way_below_the_other(table: Table) -> Table:
+    """
+    Return a table whose columns for the two ways of a loop are two trials; others as they are.
+
+    Columns that are not of one way are those of both. A table with a clock holds no map.
+    """
+    for ways in _WAYS:
+        there, back = ({name: header for header in table.columns
+                        if (name := _without_way(header, way))} for way in ways)
+        if not there or there.keys() != back.keys() or there.keys() & set(table.columns):
+            continue
+        if 'time' in table.quantities.values() or any(
+                table.units.get(there[name]) != table.units.get(back[name]) for name in there):
+            return table
+        both = {header: header for header in table.columns
+                if header not in (*there.values(), *back.values())}
+        whole = table.stacked([{**both, **there}, {**both, **back}])
+        if 'trial' not in table.quantities.values():
+            whole = whole.with_column('trial', np.repeat(np.array(ways, object), len(table.rows)))
+        return whole.noted(f"columns '{ways[0]}' and '{ways[1]}' are the two ways of a loop: read "
+                           'one below the other')
+    return table
+
+
+def _without_way(header: str, word: str) -> str:
+    """
+    Return a header without a word, '' where it does not have it.
+
+    Examples
+    --------
+    >>> _without_way('Force up [N]', 'up'), _without_way('Supply', 'up')
+    ('Force [N]', '')
+    """
+    text, count = re.subn(rf'(?<![^\W_])[\s_]*{word}(?![^\W_])', ' ', header, flags=re.IGNORECASE)
+    return ' '.join(text.split()).strip('_ ') if count == 1 else ''

@@ -8,7 +8,8 @@ or one endless line, is refused before it is in memory.
 """
 
 from array import array
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from functools import partial
 import io
 from itertools import islice
@@ -19,13 +20,18 @@ import warnings
 import numpy as np
 
 from fam_bundle_ros.data.cells import BLANKS, is_number, number, numbers, with_unit
-from fam_bundle_ros.data.column_names import QUANTITIES
-from fam_bundle_ros.data.formats.dialect import BLANK, Dialect, is_comment, sniff, split
-from fam_bundle_ros.data.formats.encodings import encoding_of
-from fam_bundle_ros.data.formats.labelled import labelled
+from fam_bundle_ros.data.column_names import QUANTITIES, recognise
+from fam_bundle_ros.data.formats.dialect import (
+    BLANK,
+    Dialect,
+    encoding_of,
+    is_comment,
+    sniff,
+    split,
+)
 from fam_bundle_ros.data.formats.table import Table, unique
 from fam_bundle_ros.data.measurement import MAX_ROWS
-from fam_bundle_ros.data.unit_names import unit_of
+from fam_bundle_ros.data.unit_names import is_unit, unit_of
 from fam_bundle_ros.errors import in_short, InputError
 from fam_bundle_ros.extras import library
 from fam_bundle_ros.told import counted
@@ -48,6 +54,15 @@ _MONITOR = re.compile(r'(\d{1,2}:\d\d:\d\d[.,]\d+) -> ')
 _TUPLE = re.compile(r'[\[(]([-+\w., \t]+)[\])](?=\s*$)')
 #: Comments between rows that are kept.
 _REMARKS = 10_000
+#: A name and its value, maybe with a unit: 'p: 1.5 bar', 'F=2'.
+_PAIR = re.compile(r'([^\W\d][\w.]*(?: ?[\[(][^\])]*[\])])?)[\'"]?\s*[:=]\s*'
+                   r'([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[Nn]a[Nn]|inf)'
+                   r'(?:\s*([A-Za-z%\u00b0]+[/\w\u00b2^]*)(?![\w:=]|\s*[:=]))?')
+#: A row of numbers without names.
+_ROW = re.compile(r'\s*[-+]?[\d.,]+(?:[eE][-+]?\d+)?\s*[,;\t| ]\s*[-+.\d]')
+#: What a terminal or Python's logging writes before each line.
+_CLOCK = re.compile(r'\s*[\[(]?\s*((?:\d{4}-\d\d-\d\d[ T])?\d[\d.:]*(?:,\d{3})?)\s*[\])]?\s*'
+                    r'(?:->|[-:,;>|])?\s*(?:[\[(]?(?:INFO|DEBUG)[\])]?[\s:-]*)?(?=[^\W\d])')
 
 
 def read_text(path: Path, drop_bad: bool = False) -> Table:
@@ -304,3 +319,41 @@ def _bad_line(name: str, error: Exception, rows: _Rows) -> InputError:
         return InputError(f'{name}, row {row}: {match[3]} cells; expected {match[1]} (--drop-bad '
                           'leaves such rows out)')
     return InputError(f'{name}: cannot be read as a table ({in_short(error)})')
+
+
+def labelled(name: str, lines: Sequence[str]) -> Table | None:
+    """
+    Return the table of lines that name their values, None where most lines are no such.
+
+    Examples
+    --------
+    >>> table = labelled('log', ['p:1.5bar F:2', 'p:1.6bar F:3', 'p:1.7bar F:4'])
+    >>> table.columns['F'], table.units
+    (array([2., 3., 4.]), {'p': 'bar'})
+    >>> list(labelled('log', ['[0.1] p=1 F=2', '[0.2] p=1 F=3', '[0.3] p=1 F=4']).columns['time'])
+    ['0.1', '0.2', '0.3']
+    """
+    pairs = [_PAIR.findall(line) for line in lines]
+    counts = Counter(tuple(key for key, _, _ in found) for found in pairs if len(found) > 1)
+    if not counts:
+        return None
+    keys, often = counts.most_common(1)[0]
+    rows = [k for k, found in enumerate(pairs) if tuple(key for key, _, _ in found) == keys]
+    plain = sum(not found and _ROW.match(line) is not None
+                for found, line in zip(pairs[rows[0]:], lines[rows[0]:]))
+    if often < 3 or plain > often or len(set(keys)) < len(keys):  # titles of blocks of rows
+        return None
+    values = np.array([[float(value) for _, value, _ in pairs[k]] for k in rows])
+    units = {key: unit for key, (_, _, unit) in zip(keys, pairs[rows[0]])
+             if unit and is_unit(unit)}
+    columns = dict(zip(keys, values.T))
+    clock = [_CLOCK.match(lines[k]) for k in rows]
+    if all(clock) and not any(recognise(key).quantity == 'time' for key in keys):
+        columns = {'time': np.array([found[1] for found in clock if found], object), **columns}
+    read = set(rows)
+    lost = [k for k in range(rows[0], len(lines)) if k not in read and lines[k].strip()]
+    notes = (f'{counted(len(lost), "line")} between the rows without a value for each of '
+             f'{", ".join(keys)}, not read (the first is line {lost[0] + 1}: '
+             f"'{lines[lost[0]].strip()[:40]}')",) if lost else ()
+    return Table(name, 'text with a name beside each value', columns, units, np.array(rows) + 1,
+                 notes=notes)

@@ -1,8 +1,9 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pressures in titles above and between blocks of rows: 'Test 2: p = 3 bar'."""
+"""What lines above and between the rows tell: pressures, names of columns; levels of blocks."""
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import replace
 import re
 from typing import NamedTuple
@@ -10,8 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fam_bundle_ros.data.cells import cell_text, is_text, numbers
-from fam_bundle_ros.data.column_names import absolute_of, recognise, words_of
-from fam_bundle_ros.data.formats.table import Table
+from fam_bundle_ros.data.column_names import (
+    absolute_of,
+    recognise,
+    STRAINS,
+    unit_text_of,
+    words_of,
+)
+from fam_bundle_ros.data.formats.table import names_column, Table, unique
 from fam_bundle_ros.data.unit_names import Unit, unit_of
 
 _NUMBER = re.compile(r'(?<![\w.,])(-?\d+(?:[.,]\d+)?)\s*([^\W\d_]+(?:\s?(?:abs|rel)\b\.?)?)(?!\w)')
@@ -20,6 +27,13 @@ _RANGE = re.compile(r'\d(-+|\u2013|\s*(->|\u2192|\.{2,3}|\u2026|to|bis)\s*)$')
 #: Words before a pressure that make it that of the rows below.
 _AT = ('p', 'at', 'bei', 'druckstufe', 'stufe', 'level', 'isobar', 'isobare')
 _SETPOINT = frozenset('set setpoint soll sollwert target nominal command cmd'.split())
+#: Fewer readings than this are no channel of a slow sensor; larger shares are gaps.
+_FEWEST, _SHARE = 12, 0.34
+#: 'CH1 = load cell [N]', 'column 3: pressure (kPa)', 'AI0 -> F [N]'.
+_ENTRY = re.compile(r'[#%!/;*"\s]*(?P<key>[^\W\d_]+[\s_.]?\d+|\d+)\s*(?:=|:|->|\)|\s-\s)\s*'
+                    r'(?P<name>\S.*?)["\s,;]*')
+#: What a column is called in a list of all, by its place.
+_PLACE = re.compile(r'(?:col(?:umn)?|spalte|field|#)?\s*(\d+)', re.IGNORECASE)
 
 
 class Title(NamedTuple):
@@ -139,3 +153,72 @@ def _readings(table: Table) -> tuple[np.ndarray, np.ndarray]:
             words |= text
     titles = words & (count < 2)
     return (count > 0) & ~titles, titles
+
+
+def filled_down(table: Table) -> Table:
+    """
+    Return a table with the level of each block in all of its rows; others as they are.
+
+    It is a pressure, or a strain, that has a number in the first row of readings and in few
+    others, with blanks below each: in less than 12, or in a map without a clock.
+    """
+    meant = table.quantities
+    force = next((column for header, column in table.columns.items()
+                  if meant[header] == 'force' and column.dtype.kind == 'f'), None)
+    if force is None or len(force) < _FEWEST:
+        return table
+    rows = np.isfinite(force)
+    whole = table
+    for header, column in table.columns.items():
+        if meant[header] not in ('pressure', *STRAINS) or column.dtype.kind != 'f':
+            continue
+        known = np.flatnonzero(np.isfinite(column))
+        few = 1 < len(known) <= _SHARE * rows.sum()
+        if few and known[0] <= np.argmax(rows) and np.diff(known).min() > 1 and (
+                len(known) < _FEWEST or 'time' not in meant.values()):
+            last = np.searchsorted(known, np.arange(len(column)), 'right') - 1
+            whole = whole.with_column(
+                header, np.where(rows & (last >= 0), column[known[last]], column)).noted(
+                    f"'{header}' stands in {len(known)} of {rows.sum()} rows: taken for the rows "
+                    'below each')
+    return whole
+
+
+def with_legend(table: Table, told: Collection[str] = ()) -> Table:
+    """
+    Return a table with the names that lines above it give to its columns; others as they are.
+
+    A legend names each column by its place, or some by headers that say nothing ('CH1'). Headers
+    that the user names (in one of ``told``) stay.
+    """
+    entries = {match['key']: match['name'] for line in table.above
+               if (match := _ENTRY.fullmatch(line.strip()))}
+    places = {int(match[1]): name for key, name in entries.items()
+              if (match := _PLACE.fullmatch(key))}
+    headers = list(table.columns)
+    known = [header for header in headers if table.meaning(header).quantity]
+    first = min(places, default=1)
+    if first in (0, 1) and list(places) == list(range(first, first + len(headers))) and (
+            sum(recognise(name).quantity != '' for name in places.values()) > len(known)):
+        names = dict(zip(headers, places.values()))
+    else:
+        keys = {_key(key): name for key, name in entries.items() if recognise(name).quantity}
+        names = {header: keys[_key(header)] for header in headers
+                 if header not in known and _key(header) in keys}
+    others = [text for text in told
+              if not any(names_column(text, name) for name in names.values())]
+    names = {header: name for header, name in names.items()
+             if not any(names_column(text, header) for text in others)}
+    if not names:
+        return table
+    new = unique([names.get(header, header) for header in headers])
+    return replace(
+        table, columns=dict(zip(new, table.columns.values())), blanks=None,
+        units={name: table.units[header] for name, header in zip(new, headers)
+               if header in table.units and unit_text_of(name) is None},
+        notes=(*table.notes, 'names as lines above the table tell: ' + ', '.join(
+            f"'{header}' is '{name}'" for header, name in names.items())))
+
+
+def _key(key: str) -> str:
+    return re.sub(r'[\W_]', '', key).casefold()
