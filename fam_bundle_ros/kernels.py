@@ -164,14 +164,8 @@ def compiled_inside(function: Callable, counted: bool = True) -> Callable:
     Return a kernel for use inside another one: compiled with it, without a file of its own.
 
     It can only be called by compiled code: a wrapper for Python would take a fifth of the
-    compilation time.
-
-    Parameters
-    ----------
-    function : callable
-    counted : bool
-        Whether references to arrays are counted, as a user's function may allocate arrays. Our
-        own kernels do not, and counting takes a quarter of the time of a closed loop.
+    compilation time. References to arrays are ``counted``, as a user's function may allocate
+    arrays. Our own kernels do not, and counting takes a quarter of the time of a closed loop.
     """
     return numba().njit(error_model='numpy', _nrt=counted, no_cpython_wrapper=True,
                         no_cfunc_wrapper=True)(_rebound(function, counted))
@@ -185,7 +179,6 @@ def pointer(function: Callable, signature: str) -> Any:
 
     Parameters
     ----------
-    function : callable
     signature : str
         Signature in numba's notation, such as ``'float64(int64, float64[::1])'``.
 
@@ -248,14 +241,9 @@ def _rebound(function, counted):
 
 class Alternative:
     """
-    A kernel with a faster version in plain Python, such as one call on arrays instead of a loop.
+    A kernel and a ``plain`` version of it, with the same arguments and results, for plain Python.
 
-    Parameters
-    ----------
-    kernel : callable
-        Version that is compiled.
-    plain : callable
-        Version that runs without compilation: the same arguments and results.
+    The latter may be faster there, such as one call on arrays instead of a loop.
     """
 
     def __init__(self, kernel: Callable, plain: Callable):

@@ -49,10 +49,7 @@ def own_stdout(mode: str = 'w') -> IO:
     """
     Return standard output for messages; redirect later prints of libraries to standard error.
 
-    Parameters
-    ----------
-    mode : str
-        ``w`` for text that is written line by line, ``wb`` for bytes.
+    ``mode`` is ``w`` for text that is written line by line, ``wb`` for bytes.
     """
     out = os.fdopen(os.dup(sys.stdout.fileno()), mode, buffering=1 if mode == 'w' else -1)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

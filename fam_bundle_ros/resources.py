@@ -51,11 +51,7 @@ def config_names(folder: str = '.') -> tuple[str, ...]:
     """
     Return the names of the shipped files in a folder of ``config/``, sorted.
 
-    Parameters
-    ----------
-    folder : str
-        Folder below ``config/``, for example ``models``. One that does not exist is empty.
-
+    A folder (for example ``models``) that does not exist is empty.
     """
     path = _root() / folder
     if not path.is_dir():

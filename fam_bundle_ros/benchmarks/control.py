@@ -85,15 +85,10 @@ def cases_of(plants: Sequence[str] = tuple(PLANTS), trajectories: Sequence[str] 
              units: Sequence[int] = UNITS, others: Sequence[str] = OTHERS,
              seeds: Sequence[int] = (1,), full: bool = False) -> list[Case]:
     """
-    Return the cases of a benchmark.
+    Return the cases of a benchmark, with ``no_feedback`` on the nominal plant.
 
-    Parameters
-    ----------
-    plants, trajectories, units, others, seeds : sequence
-        Values of the factors; ``no_feedback`` is added to ``others`` on the nominal plant.
-    full : bool
-        Every other controller on every combination of plant, trajectory and units; else a
-        pairwise cover.
+    ``full``: every other controller on every combination of plant, trajectory and units; else a
+    pairwise cover of the factors.
     """
     if full or not others:
         chosen = [(p, t, n, tuple(others)) for p in plants for t in trajectories for n in units]

@@ -41,12 +41,6 @@ def row_of(log: Log, plant: Any, rig: RigConfig) -> dict[str, Any]:
     """
     Return the figures of one run, SI units (errors in N for a force, in strain for a strain).
 
-    Parameters
-    ----------
-    log : Log
-    plant : Bundle or ForeignPlant
-    rig : RigConfig
-
     Returns
     -------
     dict
@@ -97,15 +91,9 @@ def compared(log: Log, ours: Log, beside: Log) -> dict[str, Any]:
 
 def held_air(plant: Any, pressure: np.ndarray, strain: float, tube_volume: float) -> float:
     """
-    Return the air mass for filling vented units, kg.
+    Return the air mass for filling vented units to gauge pressures (n,), Pa, in kg.
 
-    Parameters
-    ----------
-    plant : Bundle or ForeignPlant
-    pressure : ndarray (n,), Pa (gauge)
-    strain : float
-    tube_volume : float, m^3
-        Per motor unit.
+    ``tube_volume`` (m^3) is that of each motor unit.
     """
     model = plant.model(False)
     gauge = [max(float(p), 0.0) for p in pressure]

@@ -93,13 +93,7 @@ def top_force(strain: float, model: Bundle, plant: Any, units: int | None = None
     """
     Return the largest force that both plant and model can give at a strain, N.
 
-    Parameters
-    ----------
-    strain : float
-    model : Bundle
-    plant : Bundle or ForeignPlant
-    units : int, optional
-        Number of motor units at their largest pressure; all by default.
+    ``units`` is the number of motor units at their largest pressure; all by default.
     """
     pressure = np.where(np.arange(model.n) < (units or model.n), model.max_pressure, 0.0)
     return min(float(model.force(strain, pressure)),

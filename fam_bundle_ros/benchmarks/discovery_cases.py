@@ -170,7 +170,6 @@ def make_case(kind: str, seed: int, hidden: tuple[str, ...] = (), form: str = 's
     ----------
     kind : str
         'static', 'dynamic' or 'bundle'.
-    seed : int
     hidden : tuple of str
         Names of hidden effects.
     form : str

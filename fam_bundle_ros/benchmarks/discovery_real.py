@@ -109,10 +109,8 @@ def benchmark(folder: Path, processes: int | None = None, draws: int = DRAWS,
 
     Parameters
     ----------
-    folder : Path
     processes : int, optional
         All cores by default.
-    draws : int
     progress : callable, optional
         Called with the number of splits done and the number of splits.
     scheduler : str, optional

@@ -59,12 +59,10 @@ def judge(case: Case, record: Mapping[str, Any], limits: Limits) -> dict[str, An
 
     Parameters
     ----------
-    case : Case
     record : mapping
         ``time`` (T,), ``pressure`` and ``command`` (T, n), ``force``, ``strain``, ``reference``
         and ``cut`` (T,), ``states`` list of T tuples, ``kind``, ``enable`` (answer of the
         service, empty if it was not called); true values.
-    limits : Limits
 
     Returns
     -------

@@ -96,7 +96,6 @@ def table_plant(model: Bundle, wrong: Wrong, force: np.ndarray, gas: np.ndarray)
     ----------
     model : Bundle
         Sizes, length, largest pressures and names of its units are taken.
-    wrong : Wrong
     force : ndarray (n, strains, pressures), N
         Tension of the braid of each motor unit on the `grid`.
     gas : ndarray (n, strains), m^3

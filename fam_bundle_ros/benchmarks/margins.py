@@ -100,12 +100,8 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
 
     Parameters
     ----------
-    plant : str
-    units : int
-    controller : Controller
     baseline : BaselineConfig
         Gains, for the schemes without a model.
-    seed : int
     noise : float
         Factor on the noise of the plant's sensors.
     deviation : (float, float)
@@ -137,8 +133,6 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
         Name of a plant of `plants`.
     units : int
         Number of motor units.
-    controller : Controller
-    baseline : BaselineConfig
     kind : str
         'force' or 'strain'.
     k : float
@@ -233,14 +227,7 @@ def baseline_gains(plant: str, units: int, name: str, kind: str) -> BaselineConf
     """
     Return the gains of a baseline on a plant: those of `shape_of`, scaled to our margin.
 
-    Parameters
-    ----------
-    plant : str
-    units : int
-    name : str
-        ``equal_pressure`` or ``threshold``.
-    kind : str
-        ``force`` or ``strain``.
+    ``name`` is ``equal_pressure`` or ``threshold``, ``kind`` ``force`` or ``strain``.
     """
     margin = asked_margin(our_margin(plant, units, kind))
     return _scaled_to(plant, units, name, kind, shape_of(plant, name, kind), margin)

@@ -47,7 +47,6 @@ def speeds(units: int, scale: float = 1.0, controllers: Any = CONTROLLERS,
     scale : float
         Share of each trajectory that is run.
     controllers : sequence of (policy, scheme)
-    trajectories : sequence of str
     budget, least : float, s, and int
         See `best`.
     """

@@ -42,17 +42,11 @@ class Errors:
 
 class Plant:
     """
-    A bundle on a mass and spring, with valves and supply, as an ODE.
+    A bundle without memory on a mass and spring, with valves and supply, as an ODE.
 
     State: strain, strain rate, manifold pressure, chamber pressures (n), spool positions (n) and
-    speeds (n); pressures absolute. Input: valve commands (n).
-
-    Parameters
-    ----------
-    bundle : Bundle
-        Without memory.
-    rig : RigConfig
-        With a `MassSpring` load.
+    speeds (n); pressures absolute. Input: valve commands (n). The load of the rig is a
+    `MassSpring`.
     """
 
     def __init__(self, bundle: Bundle, rig: RigConfig):

@@ -61,7 +61,6 @@ def each(function: Callable[[Any], Any], tasks: Iterable[Any], workers: int | No
     function : callable
         Defined in a module, so that a new process can import it; tasks and results must be
         picklable.
-    tasks : iterable
     workers : int, optional
         Number of processes; by default that of cores. 1: run in this process.
     progress : callable, optional

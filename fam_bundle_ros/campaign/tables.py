@@ -57,7 +57,6 @@ def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
 
     Parameters
     ----------
-    recording : Recording
     result : mapping
         From `job.run`.
     address : str
@@ -128,15 +127,10 @@ def parameter_rows(recording: Recording, result: Mapping[str, Any]) -> list[Row]
 
 def write_parquet(name: str, rows: list[Row], path: Path) -> None:
     """
-    Write rows as a Parquet table (pandas and pyarrow), atomically.
+    Write rows as a Parquet table (pandas and pyarrow), atomically; ``name`` is a key of `COLUMNS`.
 
     The columns and their types are those of `COLUMNS`, also if all recordings failed. A column of
     the table of specimens has numbers if any of its cells is a number.
-
-    Parameters
-    ----------
-    name : str
-        Key of `COLUMNS`.
     """
     import pandas
     types = dict(COLUMNS[name])

@@ -129,12 +129,8 @@ def shares(effects: Sequence[Row], muscles: Mapping[str, int]) -> list[Share]:
     """
     Return the share of muscles that lack each effect, the most frequent first.
 
-    Parameters
-    ----------
-    effects : sequence of dict
-        `tables.effect_rows` of all recordings that count.
-    muscles : dict of str to int
-        Number of recordings that count, for each muscle.
+    ``effects`` are the `tables.effect_rows` of all recordings that count, ``muscles`` has the
+    number of such recordings for each muscle.
     """
     from scipy import stats
     named, tied = (_lacking(effects, muscles, kind) for kind in ('named', 'tied'))
@@ -152,17 +148,8 @@ def contrasts(effects: Sequence[Row], muscles: Mapping[str, int],
     """
     Compare each number of the table between muscles with and without each effect.
 
-    Parameters
-    ----------
-    effects, muscles
-        As in `shares`.
-    facts : dict of str to dict
-        Numbers of the table for each muscle.
-
-    Returns
-    -------
-    list of Contrast
-        In the order of p; only if both groups have at least `LEAST` muscles.
+    ``facts`` are the numbers of the table for each muscle, the rest as in `shares`. The contrasts
+    are in the order of p; there is one only if both groups have at least `LEAST` muscles.
     """
     from scipy import stats
     found = []
@@ -183,14 +170,10 @@ def trends(parameters: Sequence[Row], facts: Mapping[str, Mapping[str, float]]) 
     """
     Return the power law of each parameter in each number of the table, in the order of p.
 
-    Parameters
-    ----------
-    parameters : sequence of dict
-        `tables.parameter_rows` of all recordings that count. Parameters that the data do not
-        determine are omitted, and dimensions as a function of dimensions, as both are in the
-        table.
-    facts : dict of str to dict
-        Numbers of the table for each muscle; only values above 0 are used.
+    ``parameters`` are the `tables.parameter_rows` of all recordings that count. Those that the
+    data do not determine are omitted, and dimensions as a function of dimensions, as both are in
+    the table. Of ``facts``, the numbers of the table for each muscle, only values above 0 are
+    used.
     """
     from scipy import stats
     found = []

@@ -19,12 +19,8 @@ def code_version(whole: bool = False) -> str:
     """
     Return the version and a hash of the sources, which also change between releases.
 
-    The hash includes the laws of other packages (entry points).
-
-    Parameters
-    ----------
-    whole : bool
-        Hash the whole package, not only the sources on which a diagnosis depends.
+    The hash includes the laws of other packages (entry points). It is of the ``whole`` package, or
+    of the sources on which a diagnosis depends.
     """
     root = Path(fam_bundle_ros.__file__).parent
     digest = hashlib.sha256()

@@ -22,14 +22,7 @@ _INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """
-    Run one command and return the exit status.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Without the program's name; those of the process by default.
-    """
+    """Run one command, by default that of the process, and return the exit status."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = '--debug' in given
     if (threading.current_thread() is threading.main_thread()

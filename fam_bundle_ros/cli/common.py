@@ -285,16 +285,9 @@ def check_first(result: Any) -> None:
 def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = '',
           numeric: Sequence[int] = ()) -> None:
     """
-    Print a table without borders.
+    Print a table without borders; the columns ``numeric`` are aligned right.
 
-    Parameters
-    ----------
-    columns : sequence of str
-    rows : sequence of sequence
-        Cells: text, rich text, numbers (three significant digits) or None.
-    title : str
-    numeric : sequence of int
-        Columns that are aligned right.
+    Cells are text, rich text, numbers (three significant digits) or None.
     """
     if title:
         console.print(title, style='bold')

@@ -105,12 +105,8 @@ def check_pressure_units(name: str, columns: Mapping[str, np.ndarray],
     Raise `InputError` where all pressures are less than any muscle needs: a unit is too small.
 
     One column alone may be so small: a motor unit that stays vented, by a gauge with an offset.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray (T,), Pa
-    units : mapping of str to (str, float)
-        Unit that each column was given in and its factor to SI.
+    ``columns`` are in Pa, (T,); ``units`` have the unit that each was given in, and its factor to
+    SI.
     """
     for values in columns.values():
         top = np.abs(values).max()

@@ -122,13 +122,7 @@ def other_times(table: Table, clock: str, time: np.ndarray) -> str:
     """
     Return a note on a column whose times differ from those of the clock, '' for none.
 
-    Parameters
-    ----------
-    table : Table
-    clock : str
-        Header of the time.
-    time : ndarray, shape (T,), s
-        The time of all columns.
+    ``clock`` is the header of the time, ``time`` (T,), s, that of all columns.
     """
     for header in may_be_clocks(table):
         if header == clock:
@@ -327,7 +321,6 @@ def bring_together(table: Table, clock: str, several: Sequence[str], headers: Ma
 
     Parameters
     ----------
-    table : Table
     clock : str
         Header of the time.
     several : sequence of str

@@ -25,7 +25,6 @@ def fold_labels(data: Measurement, by: str, most: int = 8) -> np.ndarray:
 
     Parameters
     ----------
-    data : Measurement
     by : str
         'trial': whole trials; 'isobar': whole pressure levels; 'strain': inner strain levels,
         never the lowest or the highest.

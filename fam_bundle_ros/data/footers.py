@@ -80,14 +80,7 @@ def footer(table: Table, words: np.ndarray, clock: str | None) -> tuple[np.ndarr
 
     A footer begins where the first column holds words down to the end, where a column of remarks
     names statistics down to the end, or at a row of words below which the clock starts again.
-
-    Parameters
-    ----------
-    table : Table
-    words : ndarray of bool, shape (T,)
-        From `rows_of_words`.
-    clock : str or None
-        Header of the time.
+    ``words`` (T,) are those of `rows_of_words`, ``clock`` is the header of the time.
     """
     first = next(iter(table.columns.values()))
     _, bad = numbers(first)

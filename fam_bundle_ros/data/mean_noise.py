@@ -60,15 +60,8 @@ def mean_noise(values: np.ndarray, stay: np.ndarray, floor: NoiseFloor) -> MeanN
     Estimate the noise of a row and its memory, or return None if visits are too short for it.
 
     The noise of a row is at most that by repeats; where few repeats agree better than neighbours
-    by chance, at most that by neighbours.
-
-    Parameters
-    ----------
-    values : ndarray, shape (T,), N
-        Measured minus modelled force.
-    stay : ndarray of int, shape (T,)
-        Rows that follow each other with one number are neighbours.
-    floor : NoiseFloor
+    by chance, at most that by neighbours. ``values`` are measured minus modelled force, (T,), N;
+    rows that follow each other with one number in ``stay`` (T,) are neighbours.
     """
     quantum = floor.quantum
     total = np.append(0.0, np.cumsum(values))

@@ -130,7 +130,6 @@ class Memory:
         Parameters
         ----------
         time : float, s
-        strain : float
         pressure : sequence of float, Pa (gauge)
         force : float, N
         """

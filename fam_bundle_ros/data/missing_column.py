@@ -41,15 +41,9 @@ def mostly_text(column: np.ndarray) -> bool:
 
 def missing_column(table: Table, key: str, taken: Sequence[Taken]) -> str:
     """
-    Return the message for a quantity without a column.
+    Return the message for a quantity ('strain', 'pressure', 'force') without a column.
 
-    Parameters
-    ----------
-    table : Table
-    key : str
-        'strain', 'pressure' or 'force'.
-    taken : sequence of Taken
-        What each column was taken for.
+    ``taken`` tells what each column was taken for.
     """
     unused = [entry.header for entry in taken if not entry.quantity]
     found = '; found ' + ', '.join(f"'{entry.header}' {_meaning(table, entry)}" for entry in taken)

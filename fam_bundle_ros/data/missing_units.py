@@ -41,7 +41,6 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
     ----------
     name, header : str
         File and column, for messages.
-    quantity : str
     values : ndarray, shape (T,)
         As they stand in the file.
     rest_length : float, m, optional

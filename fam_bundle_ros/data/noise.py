@@ -97,7 +97,6 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
 
     Parameters
     ----------
-    measurement : Measurement
     residual : ndarray, shape (T,), N, optional
         Measured minus modelled force; by default the force itself (then slopes remain).
 

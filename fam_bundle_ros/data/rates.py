@@ -274,13 +274,9 @@ class Slope(NamedTuple):
 
 def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     """
-    Return the smoothed slope of a signal.
+    Return the smoothed slope of a signal, all (T,).
 
-    Parameters
-    ----------
-    time, value : ndarray, shape (T,)
-    trial : ndarray of int, shape (T,)
-        Rows of one trial are neighbours; no window reaches across trials or long pauses.
+    Rows of one trial are neighbours; no window reaches across trials or long pauses.
     """
     noise = _noise(time, value, trial)
     parts, step = _parts(time, trial), usual_step(time, trial)
@@ -377,7 +373,6 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
     time : ndarray, shape (T,), s
     rate : ndarray, shape (T,)
         Smoothed slope of the signal.
-    rate_noise : float
     trial : ndarray of int, shape (T,)
     least : float
         Smallest travel that counts, in the unit of the signal.

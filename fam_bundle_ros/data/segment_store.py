@@ -48,7 +48,6 @@ class SegmentStore:
     ----------
     out : path
         The CSV that is to be made.
-    protocol : Protocol
     motor_units : sequence of str
         Their names.
     resume : bool

@@ -21,13 +21,8 @@ def stated_unit(lines: Sequence[str], headers: Sequence[str], header: str, quant
     """
     Return the unit that lines beside a table state for a column; None for none, or for several.
 
-    Parameters
-    ----------
-    lines : sequence of str
-    headers : sequence of str
-        All columns, as a list of units may have one for each.
-    header, quantity : str
-        The column, and what it was taken for.
+    ``quantity`` is what the column was taken for; a list of units may have one for each of the
+    ``headers``.
 
     Examples
     --------

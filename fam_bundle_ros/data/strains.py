@@ -182,7 +182,6 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
 
     Parameters
     ----------
-    table : Table
     key : str
         One of `column_names.STRAINS`.
     choice : Choice
@@ -190,7 +189,6 @@ def strain_of(table: Table, key: str, choice: Choice, values: dict[str, np.ndarr
     values : dict of str to ndarray, shape (T,)
         Readings of ``key`` and of the force, SI, with the sign of their columns.
     pressure : ndarray, shape (T, n), Pa
-    rest : RestLength
     rows : ndarray of int, shape (T,)
     told : bool
         Whether the user tells the column, and with it what is positive and where zero is.
@@ -238,11 +236,9 @@ def other_strains(table: Table, headers: Iterable[str], strain: np.ndarray, rest
 
     Parameters
     ----------
-    table : Table
     headers : iterable of str
         Columns that tell the strain too, and are not used.
     strain : ndarray, shape (T,)
-    rest : RestLength
     rows : ndarray of int, shape (T,)
         Index of each reading in the columns.
     """

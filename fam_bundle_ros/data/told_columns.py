@@ -96,7 +96,6 @@ def told_column(table: Table, key: str, text: str) -> Choice:
 
     Parameters
     ----------
-    table : Table
     key : str
         Quantity, ``pressure.<motor unit>`` for one of several pressures.
     text : str

@@ -36,13 +36,8 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
     """
     Return what the data were probably meant to be, in words; empty where they fit as they are.
 
-    Parameters
-    ----------
-    predict : callable
-        Predicted force, (T,) N, of a measurement: a model knows how, this module does not.
-    data : Measurement
-    residual : ndarray, shape (T,), N
-        Measured minus modelled force.
+    ``predict`` returns the force, (T,) N, of a measurement: a model knows how, this module does
+    not. The residual (T,), N, is measured minus modelled force.
     """
     prediction = data.force - residual
     tries = [(rms(factor * data.force - prediction), rms(factor * data.force), words)

@@ -39,15 +39,8 @@ class Air:
     """
     Keeps valve commands and `supply_enable`, and returns what is still valid.
 
-    Times are of one steady clock, s.
-
-    Parameters
-    ----------
-    units : int
-    command_timeout : float, s
-        Largest age of a valve command, from the stamp of the reading on which it is based.
-    supply_timeout : float, s
-        Largest age of ``supply_enable``, from its arrival.
+    Times are of one steady clock, s. The age of a valve command counts from the stamp of the
+    reading on which it is based, that of ``supply_enable`` from its arrival.
 
     Examples
     --------

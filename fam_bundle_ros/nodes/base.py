@@ -68,10 +68,8 @@ class BundleNode(Node):
 
     Parameters
     ----------
-    name : str
     specs : sequence of Spec
         Besides the common ones.
-    context : Context, optional
     namespace : str
         Overruled by ``__ns`` on the command line.
     overrides : dict, optional

@@ -55,8 +55,6 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
 
     Parameters
     ----------
-    context : Context
-    namespace : str
     overrides : mapping, optional
         Parameters for all nodes (those that know them).
     simulator, generator : mapping, optional

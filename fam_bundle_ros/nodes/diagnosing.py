@@ -64,15 +64,9 @@ class Candidate:
 
 class Diagnosing:
     """
-    Runs diagnoses for a node.
+    Runs diagnoses for a node with the parameters ``diagnosis_folder`` and ``diagnosis_effects``.
 
-    Parameters
-    ----------
-    node : BundleNode
-        With the parameters ``diagnosis_folder`` and ``diagnosis_effects``.
-    watch : ModelWatch
-    changed : callable
-        Called when `state` changes.
+    ``changed`` is called when `state` changes.
     """
 
     def __init__(self, node: Any, watch: ModelWatch, changed: Callable[[], None]):
@@ -195,13 +189,8 @@ def look_closer(watch: ModelWatch, file: str, before: Candidate | None
     """
     Return where the present model fails, and its comparison with a candidate, on the memory.
 
-    Parameters
-    ----------
-    watch : ModelWatch
-    file : str
-        Of the candidate; empty for none.
-    before : Candidate, optional
-        Result of the last comparison.
+    ``file`` is that of the candidate, empty for none; ``before`` the result of the last
+    comparison.
     """
     since, present = watch.since, watch.bundle
     data = watch.memory.measurement(since)
@@ -216,14 +205,7 @@ def candidate_on(data: Measurement, present: Bundle, file: str, before: Candidat
     """
     Return the comparison of a model file with the present model on data.
 
-    Parameters
-    ----------
-    data : Measurement
-    present : Bundle
-    file : str
-        Path of the candidate.
-    before : Candidate, optional
-        Result of the last comparison, whose model is used again.
+    The model of ``before``, the last comparison, is used again.
     """
     try:
         bundle = before.bundle if before and before.bundle else bundle_from(file)

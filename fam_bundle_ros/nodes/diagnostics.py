@@ -100,15 +100,9 @@ class Meter:
 
 class Diagnostics:
     """
-    Publishes a node's reports.
+    Publishes a node's reports, which ``fill`` fills.
 
-    Parameters
-    ----------
-    node : BundleNode
-    fill : callable
-        Gets a `Report` to fill.
-    hardware : str
-        ``simulated`` or ``rig``, where the node knows.
+    ``hardware`` is ``simulated`` or ``rig``, where the node knows.
     """
 
     def __init__(self, node: BundleNode, fill: Callable[[Report], None], hardware: str = ''):

@@ -27,7 +27,6 @@ class EmergencyStop:
 
     Parameters
     ----------
-    node : BundleNode
     on_stop : callable
         Called when the emergency stop is activated.
 

@@ -35,18 +35,14 @@ class Relay(Node):
 
     Parameters
     ----------
-    name : str
     awaited : mapping of str to type
         Topics; once each has brought a message of the same stamp, `outputs` are sent with it.
     heard : mapping of str to type
         Topics that are received and ignored.
-    outputs : mapping of str to message
     qos : QoSProfile
         Of the subscriptions.
     period : float, s
         Send on a timer instead; 0 for never.
-    context : Context
-    namespace : str
     """
 
     def __init__(self, name: str, awaited: dict[str, Any], heard: dict[str, Any],
@@ -144,11 +140,8 @@ def empty_node(role: str, units: int, lock_step: bool, context: Context,
     """
     Return the empty counterpart of a node.
 
-    Parameters
-    ----------
-    role : str
-        ``recruitment_controller``, ``model_monitor``, ``reference_generator`` or
-        ``pressure_pid_mu1``, ``pressure_pid_mu2``, ...
+    ``role`` is its name: ``recruitment_controller``, ``model_monitor``, ``reference_generator`` or
+    ``pressure_pid_mu1``, ``pressure_pid_mu2``, ...
     """
     awaited: dict[str, Any] = {
         interface.FORCE: WrenchStamped, interface.STRAIN: JointState,

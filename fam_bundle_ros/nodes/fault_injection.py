@@ -122,7 +122,6 @@ class FaultInjection:
     ----------
     node : BundleNode
         With `FAULTS` among its parameters.
-    units : int
     apply : callable
         Gets the `Faults` of the rig, at once and at every change.
 

@@ -151,7 +151,6 @@ def run_processes(progress: Callable[[int, int, str], None] = lambda done, every
         Called with the number of cases done, the number of cases, and the next one.
     nodes, events : sequence of str
         Some of `NODES` and `EVENTS`.
-    domain : int, optional
 
     Returns
     -------

@@ -88,18 +88,11 @@ def run_with_faults(model: Bundle, trajectory: Trajectory, rig: RigConfig,
 
     Parameters
     ----------
-    model : Bundle
-    trajectory : Trajectory
-    rig : RigConfig
     overrides : mapping
         Parameters of nodes.
     enable_at : float, s, optional
         See `Observer`.
-    lock_step : bool
     rate : float, Hz
-    seed : int
-    namespace : str
-    domain : int, optional
 
     Returns
     -------

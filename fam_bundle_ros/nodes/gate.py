@@ -17,10 +17,6 @@ class Gate:
     """
     Waits until all channels carry the same stamp.
 
-    Parameters
-    ----------
-    channels : iterable of str
-
     Examples
     --------
     >>> gate = Gate(['force', 'strain'])
@@ -46,16 +42,10 @@ class Gate:
 
     def put(self, channel: str, stamp: int, value: Any) -> bool:
         """
-        Take a value; return whether all values of the newest stamp have arrived.
+        Take a value and its stamp, ns; return whether all values of the newest stamp have arrived.
 
         A stamp before the newest restarts time (the simulator was reset) if its channel carried
         the newest stamp; otherwise the value is late, and only shows that the channel is back.
-
-        Parameters
-        ----------
-        channel : str
-        stamp : int, ns
-        value : object
         """
         self.lost.discard(channel)
         before = self._latest[channel][0]

@@ -55,7 +55,6 @@ class LiveModel:
         ----------
         dt : float, s
             Time since the last step.
-        strain : float
         pressure : list of float, Pa (gauge)
         rate : float, 1/s
             Strain rate.
@@ -75,7 +74,6 @@ class ModelWatch:
 
     Parameters
     ----------
-    bundle : Bundle
     window : float, s
         Window of the rms error.
     seconds : float, s
@@ -130,7 +128,6 @@ class ModelWatch:
         Parameters
         ----------
         time : float, s
-        strain : float
         pressure : sequence of float, Pa (gauge)
         force, residual : float, N
             Measured, and measured minus modelled; a residual that is not finite is skipped.

@@ -65,12 +65,7 @@ class PressureLoops:
     """
     Receives the states of the pressure loops of all motor units.
 
-    Parameters
-    ----------
-    node : BundleNode
-    units : int
-    on_latched : callable
-        Called with cause and reason when a loop latches.
+    ``on_latched`` is called with cause and reason when a loop latches.
     """
 
     def __init__(self, node: BundleNode, units: int, on_latched: Callable[[str, str], None]):

@@ -64,7 +64,6 @@ class Measuring(BundleNode):
     ----------
     bundle : Bundle
         For the number of motor units and the rest length.
-    run : ProtocolRun
     clock : float, s
         Time in the experiment at the first sample.
     **keywords

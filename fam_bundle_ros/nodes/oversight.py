@@ -59,7 +59,6 @@ class Oversight:
     ----------
     node : BundleNode
         The recruitment controller, with its parameters.
-    bundle : Bundle
     clock : callable
         Returns the time of the watches, s.
     on_latch : callable
@@ -200,13 +199,8 @@ class Oversight:
         """
         Latch if a sample, the pressure loops or a long loss require it.
 
-        Parameters
-        ----------
-        sample : Sample
-        enabled : bool
-            Whether the controller is on; if not, only the pressures are checked.
-        off_target : bool
-            Whether the reference has been missed for longer than a transient.
+        While the controller is off (not ``enabled``), only the pressures are checked.
+        ``off_target`` tells that the reference has been missed for longer than a transient.
         """
         for unit, pressure in enumerate(sample.pressure):
             self.look_at_pressure(unit, pressure)

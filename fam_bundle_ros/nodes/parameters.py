@@ -135,7 +135,6 @@ class Parameters(dict[str, Any]):
 
         Parameters
         ----------
-        node : Node
         check : callable
             Gets all values as they would be; raises InputError where they do not fit together.
         apply : callable

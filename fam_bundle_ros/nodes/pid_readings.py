@@ -82,10 +82,8 @@ class Air:
     ----------
     node : BundleNode
         With the parameters of `pid_parameters`.
-    bundle : Bundle
     unit : int
         From 1.
-    config : PidConfig
 
     Attributes
     ----------
@@ -189,10 +187,7 @@ class LongestGap:
     """
     The longest gap between recent readings.
 
-    Parameters
-    ----------
-    window : float, s
-        Gaps count for this time at least and for twice this time at most.
+    Gaps count for ``window`` (s) at least and for twice this time at most.
 
     Examples
     --------

@@ -67,29 +67,14 @@ class Script(Protocol):
     """Hooks before and after each step of a simulated rig; decides when the run ends."""
 
     def before(self, rig: Rig, time: float, period: float) -> None:
-        """
-        Act on the rig before it steps.
-
-        Parameters
-        ----------
-        rig : Rig
-        time : float, s
-            Time of the run.
-        period : float, s
-            Duration of the step.
-        """
+        """Act on the rig before a step of ``period`` (s), at a time of the run, s."""
 
     def after(self, rig: Rig, time: float, commands: list[float]) -> bool:
         """
         Inspect the rig after a step; return whether time stands still from now on.
 
-        Parameters
-        ----------
-        rig : Rig
-        time : float, s
-            Time of the run at the end of the step.
-        commands : list of float
-            Valve commands of the step, -1..1.
+        The time of the run, s, is that at the end of the step, which had these valve commands,
+        -1..1.
         """
 
 

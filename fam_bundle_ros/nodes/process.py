@@ -69,13 +69,9 @@ def ros_context(domain: int | None = None, log_level: str = 'info', alone: bool 
 
 class Spinner:
     """
-    An EventsExecutor with nodes, spun in bounded slices.
+    An EventsExecutor with one or more nodes, spun in bounded slices.
 
-    Parameters
-    ----------
-    context : Context
-    nodes : sequence of BundleNode
-        At least one. Stopped and destroyed by `close`, in this order.
+    `close` stops and destroys the nodes in the order in which they are given.
     """
 
     def __init__(self, context: Context, nodes: Sequence[BundleNode]):

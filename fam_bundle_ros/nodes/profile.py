@@ -39,12 +39,10 @@ class Points:
 
     Parameters
     ----------
-    name : str
     kind : str
         ``force`` (N) or ``strain``.
     times : tuple of float, s
         Rising.
-    values : tuple of float
     rates : tuple of float, optional
         Derivatives at the points, for cubic Hermite interpolation; linear without.
 

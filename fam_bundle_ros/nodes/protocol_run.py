@@ -87,7 +87,6 @@ class ProtocolRun:
 
     Parameters
     ----------
-    protocol : Protocol
     todo : sequence of Segment
         Segments still to be run, in order.
     keep : callable

@@ -28,7 +28,6 @@ class ReferenceIntake:
 
     Parameters
     ----------
-    node : BundleNode
     bundle : Bundle
         For its length, its largest pressures and its blocked force.
     take : callable

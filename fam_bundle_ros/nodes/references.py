@@ -79,12 +79,8 @@ class OffTarget:
     Notices a reference that is missed for longer than a transient takes.
 
     The time on target is subtracted: a reference that moves crosses a wrong reading again and
-    again.
-
-    Parameters
-    ----------
-    limits : mapping
-        Largest error of ``force`` (N) and ``strain`` at which the reference counts as reached.
+    again. ``limits`` are the largest errors of ``force`` (N) and ``strain`` at which the reference
+    counts as reached.
 
     Examples
     --------
@@ -117,7 +113,6 @@ class OffTarget:
         Parameters
         ----------
         now : float, s
-        reference : Reference
         measured : mapping of str to float
             Readings of ``force`` (N) and ``strain``; nan for a missing one.
         saturated : str

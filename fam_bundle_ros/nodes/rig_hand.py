@@ -79,9 +79,6 @@ class Hand(BundleNode):
 
     Parameters
     ----------
-    context : Context
-    namespace : str
-    units : int
     length : float, m
         Rest length, for a rig that sends the contraction alone.
 
@@ -196,16 +193,7 @@ class Hand(BundleNode):
 
 
 class Session:
-    """
-    Runs a `Hand` for some time, or until a condition holds.
-
-    Parameters
-    ----------
-    hand : Hand
-    spinner : Spinner
-    stop : callable
-        Returns whether the user wants to end.
-    """
+    """Runs a `Hand` for some time, until a condition holds, or until ``stop`` returns True."""
 
     def __init__(self, hand: Hand, spinner: Spinner, stop: Callable[[], bool]):
         self.hand, self._spinner, self._stop = hand, spinner, stop

@@ -71,10 +71,8 @@ class UnitProbe:
 
     Parameters
     ----------
-    session : Session
     result : Probe
         Receives the findings.
-    bundle : Bundle
     supply : float, Pa (gauge)
     tube_volume : float, m^3
 

@@ -85,7 +85,6 @@ class Sensing:
     ----------
     node : BundleNode
         With the parameters of `LISTENER`.
-    units : int
     length : float, m
         Rest length of the bundle.
     on_sample : callable
@@ -185,17 +184,7 @@ class Sensing:
         return value
 
     def put(self, channel: str, stamp: int, value: Any) -> None:
-        """
-        Take a value of a channel.
-
-        Parameters
-        ----------
-        channel : str
-        stamp : int, ns
-            Time of the measurement.
-        value : object
-            In the units of the channel.
-        """
+        """Take a value of a channel, in its units, and the time of the measurement, ns."""
         if self._node.lock_step:
             if self._gate.put(channel, stamp, value):
                 self._complete_gate()

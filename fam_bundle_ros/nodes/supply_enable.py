@@ -29,7 +29,6 @@ class SupplyEnable:
 
     Parameters
     ----------
-    node : BundleNode
     on_lapse : callable
         Called with the silence (s) after which a true has expired in drivers and pressure loops.
         A new true would release latched pressure loops, as `enable` does, so false is sent first.

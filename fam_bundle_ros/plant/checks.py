@@ -14,7 +14,6 @@ def require(owner: object, *names: str, above: float = -math.inf, least: float =
 
     Parameters
     ----------
-    owner : object
     names : str
         Attributes to check.
     above, least, most : float

@@ -138,7 +138,6 @@ def circuit_step(config: Any, air: Any, commands: Any, volume: Any, leaks: Any,
 
     Parameters
     ----------
-    config : AirConfig
     air : Air
         Advanced in place. Its volumes end at ``volume`` + compliance x change of pressure.
     commands : vector (n,), -1..1
@@ -291,14 +290,10 @@ def chamber_flows(config: Any, air: Any, leaks: Any, manifold: float, time: floa
     """
     Write dp/dt of each chamber to the scratch; return that of the manifold, Pa/s.
 
-    dp/dt = (R T (g_in m_in - g_out m_out) - g_v p V')/(V + g_v p C), V' the rate of the volume
-    at constant pressure, C its compliance: conservation of mass for a polytropic gas. The flows
-    times ``weight`` are added to the balance.
-
-    Parameters
-    ----------
-    manifold : float, Pa (absolute)
-        At this Runge-Kutta stage, ``time`` (s) after the start of the sub-step.
+    dp/dt = (R T (g_in m_in - g_out m_out) - g_v p V')/(V + g_v p C), V' the rate of the volume at
+    constant pressure, C its compliance: conservation of mass for a polytropic gas. The flows times
+    ``weight`` are added to the balance. The manifold's pressure, Pa (absolute), is that at this
+    Runge-Kutta stage, ``time`` (s) after the start of the sub-step.
     """
     valve, chamber, work, balance = config.valve, config.chamber, air.scratch, air.balance
     c, b, ambient = valve.conductance, valve.critical_ratio, config.ambient
@@ -349,11 +344,8 @@ def line_rate(chamber: Any, flow: float, inside: float) -> float:
     """
     Return dp/dt of a line at a valve, Pa/s.
 
-    Parameters
-    ----------
-    chamber : ChamberConfig
-    flow, inside : float, kg/s
-        From the valve into the line, and from the line through the restriction to the muscles.
+    ``flow`` (kg/s) is from the valve into the line, ``inside`` from the line through the
+    restriction to the muscles.
     """
     into = chamber.inflow_exponent if flow > 0.0 else chamber.outflow_exponent
     onward = chamber.outflow_exponent if inside > 0.0 else chamber.inflow_exponent

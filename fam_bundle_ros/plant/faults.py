@@ -153,7 +153,6 @@ def fault_record(faults: Faults, leak: float, units: int) -> FaultRecord:
 
     Parameters
     ----------
-    faults : Faults
     leak : float, 1/s
         Leak of every chamber without a fault.
     units : int

@@ -44,17 +44,10 @@ class DelayLine:
 
 def put(line: Any, time: float, values: Any, delay: float) -> None:
     """
-    Put a sample of the signals into a delay line.
+    Put a sample of the signals (c,) into a delay line of a delay, s.
 
     Samples older than the delay are removed. At most `PLACES` - 4 newer ones are kept: a sample
     that follows the last but one too closely replaces the last.
-
-    Parameters
-    ----------
-    line : DelayLine
-    time, delay : float, s
-        Time of the sample; delay of the line.
-    values : vector (c,)
     """
     oldest = time - delay
     while line.size > 1 and line.times[(line.head + 1) % PLACES] <= oldest + _SAME:

@@ -72,12 +72,8 @@ def drift(load: Any, motion: Any, dt: float, past: float) -> None:
     Move the positions by ``dt`` at the present speeds, in place.
 
     A dynamometer moves towards its target; its rate is that of the actual motion. A mass that
-    reaches an end stop or a floor stops there (`land`).
-
-    Parameters
-    ----------
-    past : float, s
-        Part of ``dt`` that belongs to the last kick; the rest belongs to the next one.
+    reaches an end stop or a floor stops there (`land`). ``past`` (s) is the part of ``dt`` that
+    belongs to the last kick; the rest belongs to the next one.
     """
     if load.kind == DYNAMOMETER:
         most = motion.speed * dt

@@ -100,14 +100,10 @@ def rig_step(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults:
 
     Parameters
     ----------
-    rig : RigRecord
-    load : LoadRecord
     model : Model
         Its memory is advanced in place.
-    state : RigState
     commands : vector (n,), -1..1
         Valve commands; a stopped rig exhausts instead.
-    faults : FaultRecord
     duration : float, s
     """
     count = max(1, math.ceil(duration / rig.step - 1e-9))

@@ -205,12 +205,9 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, n
 
     Parameters
     ----------
-    config : SensorRecord
-    state : SensorState
     true : vector (c,)
         True values of the channels.
     time : float, s
-    faults : FaultRecord
     normal, chance : vector (c,)
         Random numbers of this sample: standard normal, and uniform in 0..1. They are drawn in
         every case, so that a fault never changes the noise of another channel.
@@ -244,15 +241,9 @@ def read_sensors(config: Any, state: Any, true: Any, time: float, faults: Any, n
 
 def spoil(faults: Any, state: Any, time: float, chance: Any) -> None:
     """
-    Apply the faults to the readings ``state.sound``; write ``state.shown``.
+    Apply the faults to the readings ``state.sound`` at a time, s; write ``state.shown``.
 
-    Parameters
-    ----------
-    faults : FaultRecord
-    state : SensorState
-    time : float, s
-    chance : vector (c,)
-        As for `read_sensors`.
+    ``chance`` (c,) is that of `read_sensors`.
     """
     if faults.longest > 0.0:
         put(state.held_up, time, state.sound, faults.longest)
@@ -322,14 +313,7 @@ def filter_rate(config: Any, state: Any, time: float) -> None:
 
 
 class Draws:
-    """
-    The random numbers of a rig's instruments, one row for each sample.
-
-    Parameters
-    ----------
-    seed : int
-    channels : int
-    """
+    """The random numbers of a rig's instruments, one row for each sample."""
 
     def __init__(self, seed: int, channels: int):
         streams = np.random.SeedSequence(seed).spawn(2)

@@ -29,13 +29,8 @@ def campaign_page(result: Campaign, files: Sequence[tuple[str, str | Path]] = ()
     """
     Return the page of a campaign.
 
-    Parameters
-    ----------
-    result : Campaign
-    files : sequence of (what it is, path)
-        Model, recipe, table of specimens.
-    more : sequence of (what, value)
-        Further rows of provenance.
+    ``files`` are (what it is, path): model, recipe, table of specimens; ``more`` are further rows
+    (what, value) of provenance.
     """
     sections = [_missing(result), *([_trends(result)] if result.facts else []), _errors(result),
                 _recordings(result), *_left_out(result),

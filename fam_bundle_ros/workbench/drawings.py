@@ -71,14 +71,9 @@ def main_figure(session: Session, over_time: bool = False, narrow: bool = False,
     Draw measurement (points) and model (lines), below them the error with the noise band.
 
     The model of the previous step is a thin dotted line. A plain dict, not a plotly object, as the
-    page redraws it at every click and plotly's validation is slow.
-
-    Parameters
-    ----------
-    over_time : bool
-        Against time instead of strain (logs only).
-    narrow : bool
-        For a phone, where the names of the isobars take a larger share of the width.
+    page redraws it at every click and plotly's validation is slow. Logs may be drawn ``over_time``
+    instead of strain. ``narrow`` is for a phone: names of isobars take a larger share of the
+    width.
     """
     data, residual = session.data, session.residual()
     level, means = pressure_levels(data.pressure[:, varying_unit(data)])
@@ -286,16 +281,8 @@ def thin_groups(group: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
     """
     Return indices of about ``most`` points, each group with its share and its extremes.
 
-    Parameters
-    ----------
-    group : ndarray of int, shape (T,)
-        Number of the group, such as an isobar, of each point.
-    values : ndarray, shape (T,)
-
-    Returns
-    -------
-    ndarray of int
-        Group after group, in the order of the rows within each.
+    ``group`` (T,) is the number of the group, such as an isobar, of each of the ``values`` (T,).
+    The indices are group after group, in the order of the rows within each.
     """
     order = np.argsort(group, kind='stable')
     names, starts = np.unique(group[order], return_index=True)

@@ -27,13 +27,7 @@ _TENDON = palette.effect('tendon_slack').light
 
 
 class Explorer:
-    """
-    A bundle at one strain and one set of pressures.
-
-    Parameters
-    ----------
-    bundle : Bundle
-    """
+    """A bundle at one strain and one set of pressures."""
 
     def __init__(self, bundle: Bundle):
         self.bundle = bundle

@@ -42,7 +42,6 @@ class Guard:
 
     Parameters
     ----------
-    app : ASGI application
     hosts : sequence of str
         Host names that requests may be for; empty for any (then a token is needed).
     token : str

@@ -232,7 +232,6 @@ class Incoming:
 
         Parameters
         ----------
-        column : Column
         among : sequence of Column
             All columns of the file.
         quantity, unit : str, optional

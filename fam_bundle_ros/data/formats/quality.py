@@ -33,7 +33,6 @@ def of_bad_quality(table: Table, headers: Sequence[str], rows: np.ndarray, state
 
     Parameters
     ----------
-    table : Table
     headers : sequence of str
         Columns that may say so.
     rows : ndarray of bool, shape (T,)
