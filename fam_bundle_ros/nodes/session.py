@@ -10,7 +10,7 @@ executor, a record of every topic, and the run as a `Log` like that of
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, ExitStack
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -157,6 +157,7 @@ class _Script:
         self._plan, self._watch = plan, watch
         self._events = sorted(plan.events, key=lambda event: event[0])
         self._faults = sorted(plan.faults, key=lambda event: event[0])
+        #: In the order of the columns of `Log`.
         self._rows: list[tuple[Any, ...]] = []
         self._decisions: list[tuple[float, str]] = []
         self._explained = ''
@@ -213,10 +214,8 @@ class _Script:
         return self.ended
 
     def log(self) -> Log:
-        names = ('time', 'reference', 'demand', 'strain', 'force', 'supply', 'pressure',
-                 'setpoint', 'command', 'state', 'share', 'saturated', 'overlap', 'air', 'work')
-        columns: dict[str, Any] = {
-            name: np.array(column) for name, column in zip(names, zip(*self._rows))}
+        names = (column.name for column in fields(Log))
+        columns = dict(zip(names, map(np.array, zip(*self._rows))))
         return Log(**columns, decisions=self._decisions, kind=self._plan.kind)
 
 
