@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands that use ROS 2: `run`, `record`, `check-rig`."""
 
+from collections.abc import Mapping
 from pathlib import Path
+import re
 from typing import Annotated, Any
 
 from rich.text import Text
 import typer
+import yaml
 
 from fam_bundle_ros.atomic import refuse_unwritable, write_whole
 from fam_bundle_ros.cli.common import (
@@ -176,7 +179,6 @@ def _show(findings: Any) -> None:
 
 
 def _write_rig(out: Path, model: str, supply: float, parameters: dict[str, Any]) -> None:
-    from fam_bundle_ros.nodes.rig_file import fill_in
     head = (f'Measured by fam_bundle check-rig --active at a supply of {supply / 1e3:.0f} kPa.\n'
             'Not measured: supply.pressure in operation, load_model, policy, time-outs. Check '
             'these.')
@@ -201,3 +203,30 @@ def _pressures(model: str) -> dict[str, Any]:
 
 def _file(name: str) -> str:
     return str(model_path(name).resolve())
+
+
+def fill_in(template: str, values: Mapping[str, Any], head: str) -> str:
+    r"""
+    Return a ROS parameter file with other values, and a comment at its head.
+
+    Its other comments and values are kept. The template has all parameters below ``/**``, one per
+    line; further ones are added.
+
+    Examples
+    --------
+    >>> print(fill_in('/**:\n  ros__parameters:\n    # Hz\n    rate: 200.0\n',
+    ...               {'rate': 500.0, 'tube_volume': 4e-6}, 'Measured.'), end='')
+    # Measured.
+    /**:
+      ros__parameters:
+        # Hz
+        rate: 500.0
+        tube_volume: 4.0e-06
+    """
+    for name, value in values.items():
+        # in YAML, 5e-06 would be a string
+        line = f'    {name}: {yaml.safe_dump(value, width=1e9).splitlines()[0]}\n'
+        template, found = re.subn(rf'^    {re.escape(name)}: .*\n', line.replace('\\', r'\\'),
+                                  template, flags=re.MULTILINE)
+        template += '' if found else line
+    return ''.join(f'# {row}\n' for row in head.splitlines()) + template

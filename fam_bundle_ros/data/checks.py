@@ -8,11 +8,14 @@ that was probably meant.
 """
 
 from collections.abc import Mapping
+import re
 from typing import NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.data.column_names import unit_for
+from fam_bundle_ros.data.cells import cell_text
+from fam_bundle_ros.data.column_names import unit_for, words_of
+from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.told import number
 
@@ -25,6 +28,11 @@ _ONE_STRAIN, _ONE_PRESSURE = 1e-4, 0.01
 _FEW = 0.01
 #: Variance inflation beyond which a column follows another one (the usual rule is 5 to 10).
 _INFLATION = 5.0
+#: What a column is called that tells of which muscle a row is, its words joined.
+_SPECIMEN = re.compile('(specimen|muscle|actuator|muskel|aktor|probe|pruefling|dut|mu|motor ?unit|'
+                    'serial|fam|pam)( (id|no|nr|num|number|name|nummer))?')
+#: Most muscles of one table, and fewest rows of each on average.
+_MOST_SPECIMENS, _SPECIMEN_ROWS = 50, 12
 
 
 class Range(NamedTuple):
@@ -222,3 +230,23 @@ def partial_correlations(strain: np.ndarray, pressure: np.ndarray, force: np.nda
     if ep ** 2 > 1.0 - 1.0 / _INFLATION:
         return Correlations(0.0, pf, ep)
     return Correlations(partial(ef, ep, pf), partial(pf, ep, ef), 0.0)
+
+
+def several_muscles(table: Table) -> list[str]:
+    """Return a note on each column by which the rows are of several muscles."""
+    notes = []
+    for header, column in table.columns.items():
+        if not _SPECIMEN.fullmatch(' '.join(words_of(header))):
+            continue
+        found = list(dict.fromkeys(filter(None, map(_shown, column))))
+        if 1 < len(found) <= min(_MOST_SPECIMENS, len(column) // _SPECIMEN_ROWS):
+            notes.append(
+                f"'{header}' is {', '.join(found[:3])}{', ...' * (len(found) > 3)}: all rows are "
+                'read as one muscle; expected a file for each specimen, or a column of pressure '
+                'for each motor unit')
+    return notes
+
+
+def _shown(cell: object) -> str:
+    """Return a cell as text: a number without decimals that are zero, '' for nan."""
+    return ('' if cell != cell else f'{cell:g}') if isinstance(cell, float) else cell_text(cell)

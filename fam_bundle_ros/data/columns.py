@@ -22,6 +22,7 @@ from fam_bundle_ros.data.cells import (
     numbers,
     seconds,
 )
+from fam_bundle_ros.data.checks import several_muscles
 from fam_bundle_ros.data.column_choice import Choices
 from fam_bundle_ros.data.column_names import absolute_of, words_of
 from fam_bundle_ros.data.footers import footer, refuse_another_header, rows_of_words, settings
@@ -32,7 +33,6 @@ from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, Measurement, Taken
 from fam_bundle_ros.data.missing_units import guess_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.several_muscles import several_muscles
 from fam_bundle_ros.data.stated_units import stated_unit
 from fam_bundle_ros.data.strains import (
     other_strains,
