@@ -97,29 +97,18 @@ _FACTOR = re.compile(r'(?<!\w)\s*[x\u00d7*\u00b7]\s*(?:10+|0[.,]0*1)'
 
 
 class Match(NamedTuple):
-    """
-    What a header means.
+    """What a header means."""
 
-    Attributes
-    ----------
-    quantity : str
-        A key of `QUANTITIES`, empty where it is not known.
-    score : int
-        3 the name as it stands, 2 with words that do not matter, 1 one word among others.
-    unit : Unit or None
-    part : str
-        Which of several: the motor unit of `pressure.mu1` or `p 2`, else empty.
-    why : str
-        Why it is not used.
-    absolute : bool or None
-        What the name says of a pressure: absolute, gauge (False) or neither (None).
-    """
-
+    #: A key of `QUANTITIES`, empty where it is not known.
     quantity: str
+    #: 3 the name as it stands, 2 with words that do not matter, 1 one word among others.
     score: int = 0
     unit: Unit | None = None
+    #: Which of several: the motor unit of `pressure.mu1` or `p 2`, else empty.
     part: str = ''
+    #: Why it is not used.
     why: str = 'not known'
+    #: What the name says of a pressure: absolute, gauge (False) or neither (None).
     absolute: bool | None = None
 
 

@@ -23,19 +23,12 @@ _FEW = 6
 
 @dataclass(frozen=True)
 class MeanNoise:
-    """
-    White noise and noise with a memory.
+    """White noise and noise with a memory."""
 
-    Attributes
-    ----------
-    white, slow : float, N
-        Standard deviations of the two parts in a row.
-    memory : float
-        Rows in which the correlation of the second falls to 1/e.
-    """
-
+    #: Standard deviations of the two parts in a row, N.
     white: float
     slow: float = 0.0
+    #: Rows in which the correlation of the second falls to 1/e.
     memory: float = 1.0
 
     @property

@@ -35,19 +35,13 @@ _GAP, _SLOW = 3.0, 1.0
 
 @dataclass(frozen=True)
 class Stretch:
-    """
-    Rows that follow each other: time (s), strain, force (N), pressures (Pa), shape (k, 3 + n).
+    """Rows that follow each other."""
 
-    Attributes
-    ----------
-    number : int
-        One more than that of the stretch before it, two more after a gap.
-    cell : tuple
-        Bins of strain and of each pressure, and the direction.
-    """
-
+    #: Time (s), strain, force (N), pressures (Pa); shape (k, 3 + n).
     rows: np.ndarray
+    #: One more than that of the stretch before it, two more after a gap.
     number: int
+    #: Bins of strain and of each pressure, and the direction.
     cell: tuple[int, ...]
 
     @property

@@ -40,24 +40,16 @@ ROBUST = 1.4826
 
 
 class _Local(NamedTuple):
-    """
-    A quadratic fitted about each sample, and one whose slope changes there, (T,) each.
+    """A quadratic fitted about each sample, and one whose slope changes there, (T,) each."""
 
-    Attributes
-    ----------
-    value, slope : ndarray
-        Of the quadratic, at the sample.
-    bend, bend_sd : ndarray
-        By how much the slope changes, and its standard deviation where that of the samples is 1;
-        0 and infinite where the window is cut.
-    missed : ndarray
-        Standard deviation of the samples from the fit with the change.
-    """
-
+    #: Of the quadratic, at the sample.
     value: np.ndarray
     slope: np.ndarray
+    #: By how much the slope changes, and its standard deviation where that of the samples
+    #: is 1; 0 and infinite where the window is cut.
     bend: np.ndarray
     bend_sd: np.ndarray
+    #: Standard deviation of the samples from the fit with the change.
     missed: np.ndarray
 
 

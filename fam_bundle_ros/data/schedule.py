@@ -33,19 +33,12 @@ _MOST = 10_000
 
 @dataclass(frozen=True)
 class Limits:
-    """
-    What the experiment must not exceed: commands are checked beforehand, the force while it runs.
+    """What the experiment must not exceed; the force is checked while it runs, commands before."""
 
-    Parameters
-    ----------
-    pressure : float, Pa (gauge)
-    strain : (float, float)
-    force : float, N
-        Tension or push; beyond it all is vented and the experiment ends.
-    """
-
+    #: Pa (gauge).
     pressure: float = 1e6
     strain: tuple[float, float] = (LEAST_STRAIN, MOST_STRAIN)
+    #: Tension or push; beyond it all is vented and the experiment ends, N.
     force: float = math.inf
 
 
@@ -144,23 +137,14 @@ class Protocol:
 
 @dataclass(frozen=True)
 class Segment:
-    """
-    A course with its place in the experiment: one trial.
+    """A course with its place in the experiment: one trial."""
 
-    Attributes
-    ----------
-    number : int
-        From 1, in the order in which they are run.
-    course : Course
-    pause : float, s
-        Waited before, vented.
-    before : float, s
-        Reckoned to be needed to get to the start of the course: way, filling, settling.
-    """
-
+    #: From 1, in the order in which they are run.
     number: int
     course: Course
+    #: Waited before, vented, s.
     pause: float
+    #: Reckoned to be needed to get to the start of the course: way, filling, settling, s.
     before: float
 
     @property

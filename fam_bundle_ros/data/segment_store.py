@@ -23,20 +23,14 @@ _PROTOCOL = 'protocol.yaml'
 
 
 class Row(NamedTuple):
-    """
-    A sample.
+    """A sample."""
 
-    Attributes
-    ----------
-    time : float, s
-    strain : float
-    pressure : tuple of float, Pa (gauge)
-    force : float, N
-    """
-
+    #: s.
     time: float
     strain: float
+    #: Pa (gauge).
     pressure: tuple[float, ...]
+    #: N.
     force: float
 
 

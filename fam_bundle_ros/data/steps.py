@@ -25,38 +25,23 @@ _ALIKE, _SHORT = 1.0, 1e-9
 
 @dataclass(frozen=True)
 class Leg:
-    """
-    A piece of a course: how long it takes, and what holds at its end.
+    """A piece of a course: how long it takes, and what holds at its end."""
 
-    Attributes
-    ----------
-    seconds : float, s
-        0 for a step of the pressures.
-    strain : float or None
-        None where the load is free to move: no dynamometer is asked for anything.
-    pressure : tuple of float, Pa (gauge)
-    """
-
+    #: 0 for a step of the pressures, s.
     seconds: float
+    #: None where the load is free to move: no dynamometer is asked for anything.
     strain: float | None
+    #: Pa (gauge).
     pressure: Pressures
 
 
 @dataclass(frozen=True)
 class Course:
-    """
-    A start, and legs from there.
+    """A start, and legs from there."""
 
-    Attributes
-    ----------
-    words : str
-        What is done, for people.
-    start : Leg
-        Where it begins; its duration is not used.
-    legs : tuple of Leg
-    """
-
+    #: What is done, for people.
     words: str
+    #: Where it begins; its duration is not used.
     start: Leg
     legs: tuple[Leg, ...]
 
@@ -97,21 +82,15 @@ class Sweep:
     Isobars: the dynamometer moves the strain up and down while the pressures stay.
 
     A narrow range with several cycles makes minor loops.
-
-    Parameters
-    ----------
-    strain : (float, float)
-        From, and to.
-    rate : float, 1/s
-    pressure : tuple of Pressures, Pa (gauge)
-        One course for each.
-    cycles : int
-        Up and down so many times.
     """
 
+    #: From, and to.
     strain: tuple[float, float]
+    #: 1/s.
     rate: float
+    #: One course for each, Pa (gauge).
     pressure: tuple[Pressures, ...]
+    #: Up and down so many times.
     cycles: int = 1
     kind = 'sweep'
 
@@ -134,24 +113,15 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Hold:
-    """
-    The strain steps and is held after each step, while the pressures stay: relaxation.
+    """The strain steps and is held after each step, while the pressures stay: relaxation."""
 
-    Parameters
-    ----------
-    strain : tuple of float
-        One after the other.
-    time : float, s
-        At each.
-    pressure : tuple of Pressures, Pa (gauge)
-        One course for each.
-    rate : float, 1/s
-        At which the strain steps.
-    """
-
+    #: One after the other.
     strain: tuple[float, ...]
+    #: At each, s.
     time: float
+    #: One course for each, Pa (gauge).
     pressure: tuple[Pressures, ...]
+    #: At which the strain steps, 1/s.
     rate: float = 0.5
     kind = 'hold'
 
@@ -176,24 +146,15 @@ class Hold:
 
 @dataclass(frozen=True)
 class PressureSteps:
-    """
-    The pressures step, and are held after each step.
+    """The pressures step, and are held after each step."""
 
-    Parameters
-    ----------
-    pressure : tuple of Pressures, Pa (gauge)
-        One after the other, all in one course.
-    time : float, s
-        At each.
-    strain : float, optional
-        That a dynamometer holds; without it the load is free to move.
-    cycles : int
-        The whole row so many times.
-    """
-
+    #: One after the other, all in one course, Pa (gauge).
     pressure: tuple[Pressures, ...]
+    #: At each, s.
     time: float
+    #: That a dynamometer holds; without it the load is free to move.
     strain: float | None = None
+    #: The whole row so many times.
     cycles: int = 1
     kind = 'pressure_steps'
 
@@ -213,24 +174,15 @@ class PressureSteps:
 
 @dataclass(frozen=True)
 class PressureSweep:
-    """
-    The pressures move from one to the next and back: how strain is swept without a dynamometer.
+    """The pressures move to the next and back: how strain is swept without a dynamometer."""
 
-    Parameters
-    ----------
-    pressure : tuple of Pressures, Pa (gauge)
-        Two or more; all in one course.
-    rate : float, Pa/s
-        Of the motor unit whose pressure changes most.
-    strain : float, optional
-        That a dynamometer holds; without it the load is free to move.
-    cycles : int
-        There and back so many times.
-    """
-
+    #: Two or more; all in one course, Pa (gauge).
     pressure: tuple[Pressures, ...]
+    #: Of the motor unit whose pressure changes most, Pa/s.
     rate: float
+    #: That a dynamometer holds; without it the load is free to move.
     strain: float | None = None
+    #: There and back so many times.
     cycles: int = 1
     kind = 'pressure_sweep'
 

@@ -39,21 +39,13 @@ _APART = 0.01
 
 
 class RestLength(NamedTuple):
-    """
-    The rest length of a muscle, m, by source: the first that is known is used.
+    """The rest length of a muscle, m, by source: the first that is known is used."""
 
-    Attributes
-    ----------
-    told : float or None
-        By the user.
-    stated : float or None
-        By the file.
-    model : float or None
-        By the model.
-    """
-
+    #: By the user.
     told: float | None
+    #: By the file.
     stated: float | None
+    #: By the model.
     model: float | None
 
     @property

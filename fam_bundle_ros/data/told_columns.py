@@ -27,33 +27,21 @@ _CALIBRATED = re.compile(rf'(?P<words>.*?\S)(?:\s*\*\s*(?P<scale>{_NUMBER})(?:\s
 
 @dataclass
 class Choice:
-    """
-    A column that is used, or a constant.
+    """A column that is used, or a constant."""
 
-    Attributes
-    ----------
-    header : str or None
-        None for a constant.
-    unit : Unit or None
-        Its factor is that of a calibration, where one is told.
-    sign : int
-        By which readings are multiplied.
-    offset : float
-        Added to readings that are in SI units and have their sign.
-    value : float
-        Of a constant, SI.
-    absolute : bool or None
-        What header and unit say of a pressure.
-    why : str
-        Where it comes from, in words.
-    """
-
+    #: None for a constant.
     header: str | None
+    #: Its factor is that of a calibration, where one is told.
     unit: Unit | None = None
+    #: By which readings are multiplied.
     sign: int = 1
+    #: Added to readings that are in SI units and have their sign.
     offset: float = 0.0
+    #: Of a constant, SI.
     value: float = 0.0
+    #: What header and unit say of a pressure.
     absolute: bool | None = None
+    #: Where it comes from, in words.
     why: str = ''
 
     @property

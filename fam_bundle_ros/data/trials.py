@@ -23,23 +23,14 @@ _SWAPPED = 3.0
 
 
 class Trials(NamedTuple):
-    """
-    Trials of a log.
+    """Trials of a log."""
 
-    Attributes
-    ----------
-    of_row : ndarray of int, shape (T,)
-        Trial of each row, in the new order.
-    names : tuple of str
-    order : ndarray of int, shape (T,)
-        The rows in the order in which trials are contiguous and times rise.
-    notes : list of str
-        What was odd in the clock.
-    """
-
+    #: Trial of each row, in the new order; shape (T,).
     of_row: np.ndarray
     names: tuple[str, ...]
+    #: The rows in the order in which trials are contiguous and times rise; shape (T,).
     order: np.ndarray
+    #: What was odd in the clock.
     notes: list[str]
 
 

@@ -14,24 +14,16 @@ VENT = -1.0
 
 @dataclass(frozen=True)
 class Order:
-    """
-    Commands for supply and valves.
+    """Commands for supply and valves."""
 
-    Attributes
-    ----------
-    supply : bool
-        Whether the supply is open.
-    valves : tuple of float
-        -1 exhaust, 0 closed, 1 fill.
-    answers : float or None
-        Stamp of the oldest reading on which a valve command in use is based, s; None without one.
-    why : str
-        Why the supply is shut; empty while it is open.
-    """
-
+    #: Whether the supply is open.
     supply: bool
+    #: -1 exhaust, 0 closed, 1 fill.
     valves: tuple[float, ...]
+    #: Stamp of the oldest reading on which a valve command in use is based, s; None without
+    #: one.
     answers: float | None
+    #: Why the supply is shut; empty while it is open.
     why: str
 
 

@@ -36,24 +36,15 @@ _ROOM = 1 << 18
 
 @dataclass(frozen=True)
 class Candidate:
-    """
-    A model that may replace the present one.
-
-    Attributes
-    ----------
-    file : str
-    bundle : Bundle or None
-        None where it cannot be read.
-    error, present : float, N
-        Rms force error of the candidate and of the present model, on the memory.
-    refusal : str
-        Why it may not be applied; empty where it may.
-    """
+    """A model that may replace the present one."""
 
     file: str
+    #: None where it cannot be read.
     bundle: Bundle | None
+    #: Rms force error of the candidate and of the present model, on the memory, N.
     error: float
     present: float
+    #: Why it may not be applied; empty where it may.
     refusal: str
 
     def to_dict(self) -> dict[str, Any]:

@@ -37,15 +37,6 @@ class Points:
     """
     Points in time; the value is held before the first and after the last.
 
-    Parameters
-    ----------
-    kind : str
-        ``force`` (N) or ``strain``.
-    times : tuple of float, s
-        Rising.
-    rates : tuple of float, optional
-        Derivatives at the points, for cubic Hermite interpolation; linear without.
-
     Examples
     --------
     >>> up = Points('up', 'force', (0.0, 2.0), (10.0, 20.0))
@@ -54,9 +45,12 @@ class Points:
     """
 
     name: str
+    #: ``force`` (N) or ``strain``.
     kind: str
+    #: Rising, s.
     times: tuple[float, ...]
     values: tuple[float, ...]
+    #: Derivatives at the points, for cubic Hermite interpolation; linear without.
     rates: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:

@@ -39,21 +39,14 @@ class _Gap(Exception):
 
 @dataclass(frozen=True)
 class Seen:
-    """
-    A sample of the rig, with the controller's pressure setpoints.
+    """A sample of the rig, with the controller's pressure setpoints."""
 
-    Attributes
-    ----------
-    time : float, s
-    force : float, N
-    strain : float
-    pressure, setpoint : tuple of float, Pa (gauge)
-        A setpoint is nan before the first is received.
-    """
-
+    #: s.
     time: float
+    #: N.
     force: float
     strain: float
+    #: A setpoint is nan before the first is received, Pa (gauge).
     pressure: Pressures
     setpoint: Pressures
 
@@ -65,19 +58,13 @@ class Seen:
 
 @dataclass(frozen=True)
 class Asked:
-    """
-    Strain and pressure references for the rig.
+    """Strain and pressure references for the rig."""
 
-    Attributes
-    ----------
-    strain : float or None
-        None without a reference for a dynamometer.
-    rate : float, 1/s
-    pressure : tuple of float, Pa (gauge)
-    """
-
+    #: None without a reference for a dynamometer.
     strain: float | None
+    #: 1/s.
     rate: float
+    #: Pa (gauge).
     pressure: Pressures
 
 

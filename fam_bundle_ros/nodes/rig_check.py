@@ -43,22 +43,13 @@ _APART = 1.0
 
 @dataclass(frozen=True)
 class Finding:
-    """
-    One thing that was checked.
-
-    Attributes
-    ----------
-    ok : bool
-    what : str
-    detail : str
-        What was found, and what to do if it is wrong.
-    note : bool
-        No error was found, but the user must check something.
-    """
+    """One thing that was checked."""
 
     ok: bool
     what: str
+    #: What was found, and what to do if it is wrong.
     detail: str
+    #: No error was found, but the user must check something.
     note: bool = False
 
     @property

@@ -47,17 +47,10 @@ COME_UP, _FILL, _EMPTY = 0.4, 1.0, 2.0
 
 @dataclass
 class Probe:
-    """
-    Result of `check-rig --active`.
-
-    Attributes
-    ----------
-    findings : list of Finding
-    parameters : dict
-        Measured parameters of the controllers; empty if a check failed.
-    """
+    """Result of `check-rig --active`."""
 
     findings: list[Finding] = field(default_factory=list)
+    #: Measured parameters of the controllers; empty if a check failed.
     parameters: dict[str, Any] = field(default_factory=dict)
 
     def say(self, ok: bool, what: str, detail: str, note: bool = False) -> None:

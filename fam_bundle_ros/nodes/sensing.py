@@ -31,27 +31,20 @@ _RATE_CUTOFF = 20.0
 
 @dataclass(frozen=True)
 class Sample:
-    """
-    Readings that belong together; nan where a channel is lost.
+    """Readings that belong together; nan where a channel is lost."""
 
-    Attributes
-    ----------
-    stamp : int, ns
-    force : float, N
-    strain, rate : float, 1 and 1/s
-    pressure : list of float, Pa (gauge)
-    reference : object
-        Value of the channel ``reference``, where a sample waits for it.
-    silent : bool
-        Whether it has no new value: time has passed without messages.
-    """
-
+    #: ns.
     stamp: int
+    #: N.
     force: float
+    #: 1 and 1/s.
     strain: float
     rate: float
+    #: Pa (gauge).
     pressure: list[float]
+    #: Value of the channel ``reference``, where a sample waits for it.
     reference: Any = None
+    #: Whether it has no new value: time has passed without messages.
     silent: bool = False
 
 

@@ -26,23 +26,14 @@ _CHUNK = 4096
 
 @dataclass(frozen=True)
 class Event:
-    """
-    An event of the port.
+    """An event of the port."""
 
-    Attributes
-    ----------
-    kind : str
-        ``open``, ``data``, ``lost`` (it was open), or ``failed`` (it could not be opened).
-    time : float
-        Steady time, s.
-    data : bytes
-    reason : str
-        Of ``lost`` and ``failed``.
-    """
-
+    #: ``open``, ``data``, ``lost`` (it was open), or ``failed`` (it could not be opened).
     kind: str
+    #: Steady time, s.
     time: float
     data: bytes = b''
+    #: Of ``lost`` and ``failed``.
     reason: str = ''
 
 

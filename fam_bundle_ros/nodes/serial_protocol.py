@@ -47,57 +47,36 @@ class GarbledLineError(ValueError):
 
 @dataclass(frozen=True)
 class Hello:
-    """
-    The greeting of a board.
+    """The greeting of a board."""
 
-    Attributes
-    ----------
-    version : int
-        Version of the board's protocol.
-    units : int
-        Number of motor units; 0 if the version differs from `VERSION`.
-    name : str
-        Free text.
-    """
-
+    #: Version of the board's protocol.
     version: int
+    #: Number of motor units; 0 if the version differs from `VERSION`.
     units: int
+    #: Free text.
     name: str
 
 
 @dataclass(frozen=True)
 class BoardSample:
-    """
-    One line of readings, in the units of the board (`Scales.in_si` converts them).
+    """One line of readings, in the units of the board (`Scales.in_si` converts them)."""
 
-    Attributes
-    ----------
-    number : int
-        Counter of the lines that the board has sent.
-    time : int, us
-        The board's clock when the sensors were read; wraps at 2^32.
-    command : int
-        Number of the last valid command; 0 for none yet.
-    stop : bool
-        The stop button of the rig.
-    air : int
-        0 while the supply is open, else why it is shut (`AIR`).
-    force, contraction : float
-        nan for a sensor that cannot be read.
-    supply : float or None
-        None where the board does not measure it.
-    pressure : tuple of float
-        One for each motor unit.
-    """
-
+    #: Counter of the lines that the board has sent.
     number: int
+    #: The board's clock when the sensors were read, us; wraps at 2^32.
     time: int
+    #: Number of the last valid command; 0 for none yet.
     command: int
+    #: The stop button of the rig.
     stop: bool
+    #: 0 while the supply is open, else why it is shut (`AIR`).
     air: int
+    #: nan for a sensor that cannot be read.
     force: float
     contraction: float
+    #: None where the board does not measure it.
     supply: float | None
+    #: One for each motor unit.
     pressure: tuple[float, ...]
 
 

@@ -20,19 +20,12 @@ _SAME = 1e-9
 
 @dataclass
 class DelayLine:
-    """
-    Ring buffer of samples of some signals.
+    """Ring buffer of samples of some signals."""
 
-    Attributes
-    ----------
-    times : list (PLACES,), s
-    values : list (PLACES, c)
-    head, size : int
-        Oldest sample, and number of samples.
-    """
-
+    #: Shape (PLACES,), s, and (PLACES, c).
     times: list[float]
     values: list[list[float]]
+    #: Oldest sample, and number of samples.
     head: int = 0
     size: int = 0
 

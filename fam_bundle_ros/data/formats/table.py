@@ -22,39 +22,26 @@ MAX_BYTES = 1 << 30
 
 @dataclass(frozen=True)
 class Table:
-    """
-    Columns of a file.
+    """Columns of a file."""
 
-    Attributes
-    ----------
-    name : str
-        The file's name, for messages.
-    kind : str
-        What it is, in words: 'CSV', 'Excel sheet Run 1', ...
-    columns : dict of str to ndarray, shape (T,)
-        By header: floats (nan for blank cells), or text (objects).
-    units : dict of str to str
-        Units that stand apart from the headers (a row of units, attributes).
-    rows : ndarray of int, shape (T,)
-        What to call each row in messages.
-    notes : tuple of str
-        What was met on the way, such as sheets that were not read.
-    above : tuple of str
-        Lines above the data, which may tell settings.
-    remarks : tuple of (int, str)
-        Comments between the rows, and in which line they stand.
-    blanks : callable, optional
-        Returns what stands in a cell of floats that is nan, by header and what its row is called.
-    """
-
+    #: The file's name, for messages.
     name: str
+    #: What it is, in words: 'CSV', 'Excel sheet Run 1', ...
     kind: str
+    #: By header: floats (nan for blank cells), or text (objects); shape (T,).
     columns: Mapping[str, np.ndarray]
+    #: Units that stand apart from the headers (a row of units, attributes).
     units: Mapping[str, str] = field(default_factory=dict)
+    #: What to call each row in messages; shape (T,).
     rows: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    #: What was met on the way, such as sheets that were not read.
     notes: tuple[str, ...] = ()
+    #: Lines above the data, which may tell settings.
     above: tuple[str, ...] = ()
+    #: Comments between the rows, and in which line they stand.
     remarks: tuple[tuple[int, str], ...] = ()
+    #: Returns what stands in a cell of floats that is nan, by header and what its row is
+    #: called.
     blanks: Callable[[str, int], str] | None = None
 
     def __post_init__(self) -> None:
