@@ -103,18 +103,10 @@ def top_force(strain: float, model: Bundle, plant: Any, units: int | None = None
 def make_trajectory(name: str, model: Bundle, plant: Any = None, long: bool = False
                     ) -> Trajectory:
     """
-    Return a trajectory of the benchmark.
+    Return a trajectory of the benchmark, one of `TRAJECTORIES`.
 
-    Parameters
-    ----------
-    name : str
-        One of `TRAJECTORIES`.
-    model : Bundle
-        The controller's model, whose overlap determines the dwells.
-    plant : Bundle or ForeignPlant, optional
-        ``model`` by default.
-    long : bool
-        Dwell for 60 s rather than 6 s.
+    The overlap of the controller's model determines the dwells, of 60 s rather than 6 s if
+    ``long``. The plant is the model by default.
     """
     if name not in TRAJECTORIES:
         raise InputError(f"trajectory is '{name}'; expected one of {', '.join(TRAJECTORIES)}")

@@ -90,16 +90,10 @@ def ends_of(size: float) -> float:
 
 def table_plant(model: Bundle, wrong: Wrong, force: np.ndarray, gas: np.ndarray) -> ForeignPlant:
     """
-    Return a plant of given surfaces.
+    Return a plant of given surfaces; sizes, length, pressures and names are those of a model.
 
-    Parameters
-    ----------
-    model : Bundle
-        Sizes, length, largest pressures and names of its units are taken.
-    force : ndarray (n, strains, pressures), N
-        Tension of the braid of each motor unit on the `grid`.
-    gas : ndarray (n, strains), m^3
-        Gas volume of each motor unit.
+    ``force`` (n, strains, pressures), N, is the tension of the braid of each motor unit on the
+    `grid`, ``gas`` (n, strains), m^3, its gas volume.
     """
     sizes = sizes_of(model)
     folded = np.where(force < 0.0, _FOLDED * force, force)

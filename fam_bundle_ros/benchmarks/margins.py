@@ -98,14 +98,8 @@ def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineCo
     """
     Return the closed loop of a case.
 
-    Parameters
-    ----------
-    baseline : BaselineConfig
-        Gains, for the schemes without a model.
-    noise : float
-        Factor on the noise of the plant's sensors.
-    deviation : (float, float)
-        See `ClosedLoop`.
+    ``baseline`` has the gains for the schemes without a model; ``noise`` is a factor on the noise
+    of the plant's sensors, ``deviation`` that of `ClosedLoop`.
     """
     kind = PLANTS[plant]
     config = ControllerConfig(policy=controller.policy, scheme=controller.scheme,
@@ -125,18 +119,7 @@ def settles(plant: str, units: int, controller: Controller, baseline: BaselineCo
     Return whether the response to a small step settles with the loop gain times ``k``.
 
     Hunting of about the size of the step, which backlash and friction cause at any gain, does not
-    count as instability.
-
-    Parameters
-    ----------
-    plant : str
-        Name of a plant of `plants`.
-    units : int
-        Number of motor units.
-    kind : str
-        'force' or 'strain'.
-    k : float
-        Factor of the loop gain.
+    count as instability. The step is of a ``kind``, 'force' or 'strain'.
     """
     model, true = model_of(plant, units), plant_of(plant, units)
     if kind == 'force':

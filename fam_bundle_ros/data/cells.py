@@ -210,14 +210,8 @@ def seconds(name: str, header: str, column: np.ndarray, rows: np.ndarray) -> np.
     """
     Return dates or times of day as seconds, (T,), nan for blanks; midnight is passed over.
 
-    Parameters
-    ----------
-    name, header : str
-        File and column, for messages.
-    column : ndarray, shape (T,)
-        Text such as '2026-05-03T12:00:00.25', '3.5.2026 12:00:00,25', '12:00:00 PM',
-        '0 days 00:00:01.5', or NumPy datetimes.
-    rows : ndarray of int, shape (T,)
+    The column (T,) has text such as '2026-05-03T12:00:00.25', '3.5.2026 12:00:00,25', '12:00:00
+    PM', '0 days 00:00:01.5', or NumPy datetimes.
 
     Raises
     ------

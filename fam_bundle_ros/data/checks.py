@@ -77,18 +77,8 @@ def check_range(name: str, label: str, values: np.ndarray, rows: np.ndarray,
     """
     Raise `InputError` where readings are outside their range; guess what was meant.
 
-    Parameters
-    ----------
-    name, label : str
-        File and column, for the message.
-    values : ndarray, shape (T,)
-        SI units.
-    rows : ndarray of int, shape (T,)
-        Row of the file that each value stands in.
-    given : (str, float), optional
-        Unit that the values were given in and its factor to SI.
-    quantity : str
-        'pressure', 'strain' or 'force'.
+    The values (T,) are SI, of a 'pressure', 'strain' or 'force'; ``given`` is the unit that they
+    had and its factor to SI. File, column and ``rows`` (T,) of the file are for the message.
     """
     low, high, si, words, option = allowed
     outside = (values < low) | (values > high)
@@ -140,19 +130,12 @@ def _guess(quantity: str, given: np.ndarray, unit: str, low: float, high: float)
 
 def what_does_not_change(name: str, strain: np.ndarray, pressure: np.ndarray) -> list[str]:
     """
-    Return notes on a strain or pressures that are constant.
-
-    Parameters
-    ----------
-    name : str
-        File, for the message.
-    strain : ndarray, shape (T,)
-    pressure : ndarray, shape (T, n), Pa
+    Return notes on a strain (T,) or pressures (T, n), Pa, that are constant.
 
     Raises
     ------
     InputError
-        Where neither strain nor pressure changes.
+        Where neither strain nor pressure changes; it has the ``name`` of the file.
     """
     isometric = np.ptp(strain) < _ONE_STRAIN
     held = np.ptp(pressure, axis=0) < max(1e3, _ONE_PRESSURE * np.abs(pressure).max())
@@ -175,13 +158,8 @@ def odd_signs(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> li
     """
     Return notes on unusual signs and sizes: a muscle pulls, and pulls less when it is shorter.
 
-    The signs are those of the partial correlations of the force with strain and pressure.
-
-    Parameters
-    ----------
-    strain : ndarray, shape (T,)
-    pressure : ndarray, shape (T, n), Pa
-    force : ndarray, shape (T,), N
+    The signs are those of the partial correlations of the force (T,), N, with strain (T,) and
+    pressures (T, n), Pa.
     """
     along_strain, along_pressure, _ = partial_correlations(strain, pressure.sum(-1), force)
     found = []

@@ -29,15 +29,8 @@ def dropped_out(values: np.ndarray, others: Mapping[str, np.ndarray], within: np
 
     Each of these jumps is larger than all other steps of the channel, by more than its readings
     are rounded to, while the steps of the other channels are usual ones: when a muscle is vented,
-    its force falls as well.
-
-    Parameters
-    ----------
-    values : ndarray, shape (T,)
-    others : dict of str to ndarray, shape (T,)
-        The other channels.
-    within : ndarray of bool, shape (T - 1,)
-        Steps between rows of one trial.
+    its force falls as well. All channels are (T,); ``within`` (T - 1,) are the steps between rows
+    of one trial.
 
     Examples
     --------
@@ -87,13 +80,7 @@ def constant_force(force: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
     probability of such a stretch: with a coarse converter it is high. A whole trial at one force
     is not reported, which is a weight, nor is a vented muscle, which is slack.
 
-    Parameters
-    ----------
-    force, strain : ndarray, shape (T,)
-    pressure : ndarray, shape (T,), Pa
-        Of all motor units together.
-    within : ndarray of bool, shape (T - 1,)
-        Steps between rows of one trial.
+    The pressure (T,), Pa, is of all motor units together, ``within`` as for `dropped_out`.
     """
     moved = np.where(within, np.abs(np.diff(strain)), 0.0)
     filled = within & (pressure[1:] > REST_PRESSURE * pressure.max())
@@ -142,12 +129,7 @@ def clipped(force: np.ndarray, strain: np.ndarray, within: np.ndarray) -> np.nda
     It is the same largest force at several visits and several strains, in more rows than any other
     force is, by three standard deviations of the count at a turn of the force: of a coarse
     converter, or of levels that are held, all forces repeat. A force in most rows is held.
-
-    Parameters
-    ----------
-    force, strain : ndarray, shape (T,)
-    within : ndarray of bool, shape (T - 1,)
-        Steps between rows of one trial.
+    ``within`` is as for `dropped_out`.
 
     Examples
     --------
@@ -172,13 +154,7 @@ def what_was_lost(strain: np.ndarray, pressure: Mapping[str, np.ndarray], force:
     """
     Return notes on readings of a log that its sensors have probably lost.
 
-    Parameters
-    ----------
-    strain, force : ndarray, shape (T,), 1 and N
-    pressure : mapping of str to ndarray, shape (T,), Pa
-        By name of the channel.
-    trial, rows : ndarray of int, shape (T,)
-        Trial of each row, and its number in the file.
+    All are (T,), SI; pressures by the name of their channel. ``rows`` are those of the file.
     """
     within = np.diff(trial) == 0
     channels = {'strain': strain, 'force': force, **pressure}

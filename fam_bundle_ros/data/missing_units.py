@@ -37,14 +37,7 @@ def guess_unit(name: str, header: str, quantity: str, values: np.ndarray,
     """
     Return the unit that a column without one must have, and the words that say so.
 
-    Parameters
-    ----------
-    name, header : str
-        File and column, for messages.
-    values : ndarray, shape (T,)
-        As they stand in the file.
-    rest_length : float, m, optional
-        Tells the unit of lengths.
+    The values (T,) are as they stand in the file; the rest length, m, tells the unit of lengths.
 
     Raises
     ------

@@ -357,17 +357,8 @@ def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.n
     Return +1 rising, -1 falling, 0 where the motion is not beyond its own noise, (T,) int.
 
     Crawling counts as rest: below 3 sd of the rate's noise, or 2 % of the usual fast motion. So
-    does a run of samples one way whose travel is less than ``least``: a signal that is constant
-    but for rounding rests.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,), s
-    rate : ndarray, shape (T,)
-        Smoothed slope of the signal.
-    trial : ndarray of int, shape (T,)
-    least : float
-        Smallest travel that counts, in the unit of the signal.
+    does a run of samples one way whose travel is less than ``least``, in the unit of the signal: a
+    signal that is constant but for rounding rests. ``rate`` (T,) is its smoothed slope.
     """
     fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
     threshold = max(3.0 * rate_noise, CRAWL * fast)
@@ -385,15 +376,8 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
 
     At a short rest between opposite motions, or between a motion and the beginning or end
     of its trial; and within half a window of the beginning or end of a hold, a rest longer than
-    the window of the slope, as that smooths the rate there.
-
-    Parameters
-    ----------
-    moving : ndarray of int, shape (T,)
-        +1, -1, and 0 where the motion is not beyond its own noise.
-    trial : ndarray of int, shape (T,)
-    window : int
-        Rows over which the slope was smoothed.
+    the window of the slope, as that smooths the rate there. ``moving`` (T,) is +1, -1, and 0 where
+    the motion is not beyond its own noise; the window is in rows.
     """
     begin = np.flatnonzero(begins(moving, trial))
     length = np.diff(begin, append=len(moving))

@@ -226,13 +226,8 @@ def other_strains(table: Table, headers: Iterable[str], strain: np.ndarray, rest
     """
     Return notes on columns that tell another strain than that which was read.
 
-    Parameters
-    ----------
-    headers : iterable of str
-        Columns that tell the strain too, and are not used.
-    strain : ndarray, shape (T,)
-    rows : ndarray of int, shape (T,)
-        Index of each reading in the columns.
+    ``headers`` are columns that tell the strain too, and are not used; ``rows`` (T,) is the index
+    of each reading in the columns.
     """
     notes = []
     for header in headers:

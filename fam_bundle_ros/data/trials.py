@@ -39,15 +39,7 @@ def trials_of(name: str, trial: Sequence[Any] | np.ndarray | None, time: np.ndar
     """
     Return the trials; without a column for them a clock that restarts begins a new one.
 
-    Parameters
-    ----------
-    name : str
-        File, for messages.
-    trial : sequence, length T, optional
-        Labels of the trials.
-    time : ndarray, shape (T,), s, optional
-    rows : ndarray of int, shape (T,)
-        What to call each row in messages.
+    ``trial`` has the label of each row; ``rows`` (T,) is what messages call it. The time is in s.
 
     Raises
     ------

@@ -36,16 +36,10 @@ _HOVER = ('%{customdata[0]}<br>strain %{customdata[1]:.4f}, %{customdata[2]:.1f}
 
 def for_page(drawing: go.Figure | dict[str, Any], dark: bool, move_ms: int = 0) -> dict[str, Any]:
     """
-    Return a figure as a dict for the page.
+    Return a figure, in the light colours, as a dict for the page.
 
-    Parameters
-    ----------
-    drawing : plotly Figure or dict
-        In the light colours.
-    dark : bool
-        Replace them by those of a dark page.
-    move_ms : int
-        Duration of the transition of the curves, ms; 0 for none.
+    On a ``dark`` page others replace them. The transition of the curves takes ``move_ms``; 0 for
+    none.
     """
     text = json.dumps(drawing) if isinstance(drawing, dict) else drawing.to_json()
     if dark:

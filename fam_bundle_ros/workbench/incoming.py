@@ -226,20 +226,10 @@ class Incoming:
                unit: str | None = None, turned: bool | None = None, scale: str | None = None,
                ) -> None:
         """
-        Set quantity, unit, sign and calibration of one column.
+        Set quantity, unit, sign (``turned``) and calibration of one column; None changes nothing.
 
-        If another column had this quantity, it loses it.
-
-        Parameters
-        ----------
-        among : sequence of Column
-            All columns of the file.
-        quantity, unit : str, optional
-            New values; unchanged by default.
-        turned : bool, optional
-            Whether the sign is inverted.
-        scale : str, optional
-            ``* 50 N - 2 N`` or a part of it; ``50 N`` is the worth of one count too.
+        If another column of all, ``among``, had this quantity, it loses it. ``scale`` is ``* 50 N
+        - 2 N`` or a part of it; ``50 N`` is the worth of one count too.
         """
         new = column.quantity if quantity is None else quantity
         if column.quantity and column.quantity != new:

@@ -38,13 +38,8 @@ def controller_trial(old: Bundle, new: Bundle, seconds: float,
     """
     Return both runs: a force to be held level while the strain goes up and down.
 
-    Parameters
-    ----------
-    old, new : Bundle
-        Models of the controller; the simulated muscle is ``new``.
-    seconds : float
-        Length of the task.
-    progress : callable
+    ``old`` and ``new`` are models of the controller, the simulated muscle is ``new``; the task
+    takes ``seconds``.
     """
     low, high = 0.06, 0.12
     middle, swing = 0.5 * (low + high), 0.5 * (high - low)

@@ -31,13 +31,7 @@ def of_bad_quality(table: Table, headers: Sequence[str], rows: np.ndarray, state
     """
     Return which of some rows are bad, and the columns that say so; most rows are good.
 
-    Parameters
-    ----------
-    headers : sequence of str
-        Columns that may say so.
-    rows : ndarray of bool, shape (T,)
-    states : frozenset of str
-        Words for good rows in a column 'status'.
+    ``headers`` are columns that may say so, ``states`` words for good rows in a column 'status'.
     """
     bad, used = np.zeros(len(rows), bool), []
     for header in headers:

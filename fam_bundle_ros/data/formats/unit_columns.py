@@ -107,15 +107,7 @@ def in_one_unit(name: str, header: str, cells: np.ndarray, units: np.ndarray, ro
     """
     Return readings in the unit of the first, and this unit; words among them stay as they are.
 
-    A blank unit is the only one that there is.
-
-    Parameters
-    ----------
-    name, header : str
-        File and column, for messages.
-    cells, units : ndarray, shape (T,)
-        Readings, and the unit of each as text.
-    rows : ndarray of int, shape (T,)
+    ``units`` has the unit of each reading as text; a blank one is the only one that there is.
 
     Raises
     ------
