@@ -64,19 +64,11 @@ class BagWriter:
     def write(self, name: str, kind: str, stamp: int, raw: bytes | memoryview,
               latched: bool = False) -> None:
         """
-        Add a serialised message.
+        Add a serialised message, in CDR.
 
-        Parameters
-        ----------
-        name : str
-            Full name of the topic.
-        kind : str
-            Type, as in ``sensor_msgs/msg/JointState``.
-        stamp : int, ns
-        raw : bytes
-            Message in CDR.
-        latched : bool
-            Play the topic back with transient local durability.
+        ``name`` is the full name of the topic, ``kind`` its type, as in
+        ``sensor_msgs/msg/JointState``; the stamp is in ns. A ``latched`` topic is played back with
+        transient local durability.
         """
         channel = self._channels.get(name)
         if channel is None:

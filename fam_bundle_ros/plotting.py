@@ -25,15 +25,9 @@ LAYOUT = ('legend', 'showlegend', 'margin', 'hovermode')
 
 def figure(x: str = '', y: str = '', height: int = 380, **layout: Any) -> go.Figure:
     """
-    Return an empty figure with the project's look.
+    Return an empty figure of a height, px, with the project's look; ``layout`` has more of it.
 
-    Parameters
-    ----------
-    x, y : str
-        Axis titles, units in brackets; empty where `style_axes` sets them for each panel.
-    height : int, px
-    **layout
-        Further entries of the plotly layout.
+    Axis titles have units in brackets; they are empty where `style_axes` sets them for each panel.
     """
     drawing = go.Figure()
     dress(drawing, height, **layout)

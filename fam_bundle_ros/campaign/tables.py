@@ -53,18 +53,10 @@ def facts_of(specimen: Specimen | None) -> Row:
 def recording_row(recording: Recording, result: Mapping[str, Any], address: str,
                   duplicate_of: str, as_read: bool = False) -> Row:
     """
-    Return the row of a recording.
+    Return the row of a recording, from the result of `job.run` and the address of the job.
 
-    Parameters
-    ----------
-    result : mapping
-        From `job.run`.
-    address : str
-        Hash of the job, see `job.Job.address`.
-    duplicate_of : str
-        First file with the same content; empty if there is none.
-    as_read : bool
-        Whether a recording counts that looks as if a unit or sign were wrong.
+    ``duplicate_of`` is the first file with the same content, empty if there is none. ``as_read``:
+    a recording counts that looks as if a unit or sign were wrong.
     """
     data, compared, diagnosed = (result.get(key, {}) for key in ('data', 'compare', 'diagnose'))
     error, recommended = diagnosed.get('error_N', {}), diagnosed.get('recommended', {})

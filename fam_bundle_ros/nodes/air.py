@@ -54,18 +54,11 @@ class Air:
 
     def command(self, unit: int, value: float, answers: float, now: float) -> bool:
         """
-        Take a valve command; return whether it is fresh.
+        Take the command of a valve, -1 exhaust, 0 closed, 1 fill; return whether it is fresh.
 
-        Parameters
-        ----------
-        unit : int
-            From 0.
-        value : float
-            -1 exhaust, 0 closed, 1 fill.
-        answers : float, s
-            Time of the reading on which the command is based. If it lies in the future (clocks
-            differ), the age counts from the arrival.
-        now : float, s
+        ``answers`` is the time of the reading on which the command is based, s. If it lies in the
+        future (clocks differ), the age counts from the arrival, ``now``. Motor units are numbered
+        from 0.
         """
         if now - answers > self._command_timeout:
             return False

@@ -23,12 +23,7 @@ UNHEARD = ('e_stop has a publisher, but nothing was received: it must be reliabl
 
 class EmergencyStop:
     """
-    Subscribes a node to the emergency stop.
-
-    Parameters
-    ----------
-    on_stop : callable
-        Called when the emergency stop is activated.
+    Subscribes a node to the emergency stop; ``on_stop`` is called when it is activated.
 
     Attributes
     ----------

@@ -33,16 +33,9 @@ class Relay(Node):
     """
     A node that answers a set of messages with a set of messages.
 
-    Parameters
-    ----------
-    awaited : mapping of str to type
-        Topics; once each has brought a message of the same stamp, `outputs` are sent with it.
-    heard : mapping of str to type
-        Topics that are received and ignored.
-    qos : QoSProfile
-        Of the subscriptions.
-    period : float, s
-        Send on a timer instead; 0 for never.
+    Once each topic of ``awaited`` has brought a message of the same stamp, ``outputs`` are sent
+    with it; with a ``period`` (s) other than 0, on a timer instead. The topics of ``heard`` are
+    received and ignored. ``qos`` is that of the subscriptions.
     """
 
     def __init__(self, name: str, awaited: dict[str, Any], heard: dict[str, Any],

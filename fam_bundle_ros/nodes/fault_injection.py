@@ -118,12 +118,8 @@ class FaultInjection:
     """
     Applies the faults of the parameters ``faults.*`` to a simulated rig and its messages.
 
-    Parameters
-    ----------
-    node : BundleNode
-        With `FAULTS` among its parameters.
-    apply : callable
-        Gets the `Faults` of the rig, at once and at every change.
+    The node has `FAULTS` among its parameters. ``apply`` gets the `Faults` of the rig, at once and
+    at every change.
 
     Attributes
     ----------

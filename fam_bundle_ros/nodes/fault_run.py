@@ -84,20 +84,10 @@ def run_with_faults(model: Bundle, trajectory: Trajectory, rig: RigConfig,
                     seed: int = 0, namespace: str = interface.NAMESPACE,
                     domain: int | None = None) -> dict[str, Any]:
     """
-    Run a trajectory with its faults through the nodes.
+    Run a trajectory with its faults through the nodes, whose parameters ``overrides`` are.
 
-    Parameters
-    ----------
-    overrides : mapping
-        Parameters of nodes.
-    enable_at : float, s, optional
-        See `Observer`.
-    rate : float, Hz
-
-    Returns
-    -------
-    dict
-        Of `Observer.record`, with ``reference`` (T,) and its ``kind``.
+    Return the `Observer.record`, with ``reference`` (T,) and its ``kind``. ``enable_at`` is that
+    of the `Observer`; the rate is in Hz.
     """
     observer = Observer(enable_at)
     run_trajectory(model, trajectory, rig=rig, rate=rate, seed=seed, lock_step=lock_step,

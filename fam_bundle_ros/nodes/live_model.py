@@ -123,14 +123,9 @@ class ModelWatch:
     def add(self, time: float, strain: float, pressure: Sequence[float], force: float,
             residual: float) -> None:
         """
-        Take a sample.
+        Take a sample, at a time, s, with gauge pressures, Pa, and the force, N.
 
-        Parameters
-        ----------
-        time : float, s
-        pressure : sequence of float, Pa (gauge)
-        force, residual : float, N
-            Measured, and measured minus modelled; a residual that is not finite is skipped.
+        The residual, N, is measured minus modelled force; one that is not finite is skipped.
         """
         self.memory.add(time, strain, pressure, force)
         if time < self._time:

@@ -41,14 +41,8 @@ class ModelSwap:
     """
     Holds the models that the controller may change to while it is active.
 
-    Parameters
-    ----------
-    node : BundleNode
-        With the parameter ``model``.
-    present : callable
-        Returns the present bundle.
-    config : callable
-        Returns the present settings of the controller.
+    The node has the parameter ``model``; ``present`` returns the present bundle, ``config`` the
+    present settings of the controller.
     """
 
     def __init__(self, node: Any, present: Callable[[], Bundle],

@@ -133,14 +133,9 @@ class Parameters(dict[str, Any]):
         """
         Validate and apply changes while the node runs.
 
-        Parameters
-        ----------
-        check : callable
-            Gets all values as they would be; raises InputError where they do not fit together.
-        apply : callable
-            Gets the values that changed, after `self` holds them.
-        acting : callable
-            Whether the node acts now, so that no limit may be loosened.
+        ``check`` gets all values as they would be, and raises InputError where they do not fit
+        together; ``apply`` gets the values that changed, after `self` holds them. While the node
+        acts, as ``acting`` tells, no limit may be loosened.
         """
         def validate(changes: list[Parameter]) -> SetParametersResult:
             new = {p.name: p.value for p in changes if p.name in self.specs}

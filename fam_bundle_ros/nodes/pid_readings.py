@@ -139,15 +139,10 @@ class Air:
 
     def impossible(self, time: float, pressure: float, gap: float) -> tuple[str, str]:
         """
-        Return cause and reason if a pressure (Pa) is implausible; see `InflowWatch.see`.
+        Return cause and reason if a gauge pressure (Pa) is implausible; see `InflowWatch.see`.
 
-        Parameters
-        ----------
-        time : float, s
-            Stamp of the reading.
-        pressure : float, Pa (gauge)
-        gap : float, s
-            Time since the previous reading arrived.
+        The time (s) is the stamp of the reading, ``gap`` (s) the time since the previous one
+        arrived.
         """
         volume, _ = self._volumes.at(self.strain.value(self._patience)[0])
         return self.inflow.see(time, pressure, self._volumes.ends if volume is None else volume,

@@ -190,14 +190,8 @@ def executable(make: Callable[..., BundleNode], words: str | None, specs: Sequen
     """
     Return the ``main`` of the executable of a node, which takes a command line.
 
-    Parameters
-    ----------
-    make : callable
-        Called with the context; the class of the node.
-    words : str
-        What the node does, for ``--help``.
-    specs : sequence of Spec
-        Its parameters, for ``--help``.
+    ``make`` is called with the context: the class of the node. ``words`` say what the node does,
+    for ``--help``, which lists its parameters, ``specs``, too.
     """
     def main(args: list[str] | None = None) -> int:
         return run(lambda context: [make(context=context)],

@@ -72,12 +72,8 @@ class ProtocolRun:
     """
     A running experiment.
 
-    Parameters
-    ----------
-    todo : sequence of Segment
-        Segments still to be run, in order.
-    keep : callable
-        Called with each complete segment and its rows.
+    ``todo`` are the segments still to be run, in order; ``keep`` is called with each complete
+    segment and its rows.
 
     Attributes
     ----------

@@ -26,12 +26,8 @@ class ReferenceIntake:
     """
     Listens to references of force, strain and pressures.
 
-    Parameters
-    ----------
-    bundle : Bundle
-        For its length, its largest pressures and its blocked force.
-    take : callable
-        Called with stamp (ns) and `Reference` of each valid message.
+    ``take`` is called with stamp (ns) and `Reference` of each valid message. The bundle tells
+    length, largest pressures and blocked force.
 
     Attributes
     ----------

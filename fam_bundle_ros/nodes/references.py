@@ -108,15 +108,10 @@ class OffTarget:
     def update(self, now: float, reference: Reference, measured: Mapping[str, float],
                saturated: str = '') -> None:
         """
-        Compare a reference with its reading.
+        Compare a reference with its reading at a time, s.
 
-        Parameters
-        ----------
-        now : float, s
-        measured : mapping of str to float
-            Readings of ``force`` (N) and ``strain``; nan for a missing one.
-        saturated : str
-            Of the command, as in `Command`.
+        ``measured`` has ``force`` (N) and ``strain``, nan for a missing one; ``saturated`` is that
+        of a `Command`.
         """
         kind = reference.kind
         if kind not in self._limits:

@@ -60,14 +60,9 @@ class Probe:
 
 class UnitProbe:
     """
-    The steps on motor units, one at a time.
+    The steps on motor units, one at a time; ``result`` receives the findings.
 
-    Parameters
-    ----------
-    result : Probe
-        Receives the findings.
-    supply : float, Pa (gauge)
-    tube_volume : float, m^3
+    The supply is in Pa (gauge), the tube volume in m^3.
 
     Attributes
     ----------

@@ -41,16 +41,9 @@ class SerialLink:
     """
     Keeps a port open.
 
-    Parameters
-    ----------
-    url : str
-        A device such as ``/dev/ttyACM0``, or what pyserial opens, as ``socket://host:port``.
-    baud : int
-        Of a serial port.
-    on_event : callable
-        Called with an `Event` in the thread of the link.
-    retry : float, s
-        Time between two attempts to open.
+    ``url`` is a device such as ``/dev/ttyACM0``, or what pyserial opens, as
+    ``socket://host:port``; ``baud`` is for a serial port. ``on_event`` is called with an `Event`
+    in the thread of the link. Two attempts to open are ``retry`` (s) apart.
     """
 
     def __init__(self, url: str, baud: int, on_event: Callable[[Event], None], retry: float):

@@ -123,15 +123,8 @@ def kick(load: Any, motion: Any, dt: float, force: float, length: float) -> tupl
     """
     Return (strain rate, speed of the mass behind a spring) after ``dt`` under a constant force.
 
-    Implicit in the load's own damping (backward Euler), hence stable for any damping.
-
-    Parameters
-    ----------
-    load, motion : LoadRecord, LoadState
-    dt : float, s
-    force : float, N
-        Force of the bundle.
-    length : float, m
+    Implicit in the load's own damping (backward Euler), hence stable for any damping. The force,
+    N, is that of the bundle, which has a length, m.
     """
     rate, place_rate = motion.strain_rate, motion.place_rate
     if load.kind == DYNAMOMETER:

@@ -96,15 +96,10 @@ def begin(rig: Any, model: Any, state: Any) -> None:
 def rig_step(rig: Any, load: Any, model: Any, state: Any, commands: Any, faults: Any,
              duration: float) -> None:
     """
-    Advance a rig by ``duration`` in equal steps of at most ``rig.step``, commands held.
+    Advance a rig by ``duration`` (s) in equal steps of at most ``rig.step``, commands held.
 
-    Parameters
-    ----------
-    model : Model
-        Its memory is advanced in place.
-    commands : vector (n,), -1..1
-        Valve commands; a stopped rig exhausts instead.
-    duration : float, s
+    The memory of the model is advanced in place. Valve commands (n,) are -1..1; a stopped rig
+    exhausts instead.
     """
     count = max(1, math.ceil(duration / rig.step - 1e-9))
     if rig.air.delay > 0.0:
