@@ -17,7 +17,7 @@ OWN_WAYS = {
     'model/source.py': 'cache, beside and renamed', 'workbench/intake.py': 'scratch file',
     'workbench/worker.py': 'a pipe', 'nodes/fault_processes.py': 'scratch file',
     'discovery/worker.py': 'a pipe', 'nodes/live_feed.py': 'a pipe',
-    'benchmarks/speed_campaign.py': 'scratch files',
+    'benchmarks/speed_studies.py': 'scratch files',
 }
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from fam_bundle_ros import kernels
 from fam_bundle_ros.benchmarks import (
-    speed_campaign,
     speed_loop,
     speed_model,
     speed_ros,
@@ -24,7 +23,7 @@ from fam_bundle_ros.resources import config_names, config_path
 from fam_bundle_ros.simulation import ClosedLoop
 
 ROWS = (*speed_loop.ROWS, *speed_model.ROWS, *speed_ticks.ROWS, *speed_ros.ROWS,
-        *speed_start.ROWS, *speed_studies.ROWS, *speed_campaign.ROWS)
+        *speed_start.ROWS, *speed_studies.ROWS)
 
 
 def warm_up() -> None:
