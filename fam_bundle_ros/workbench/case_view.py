@@ -62,8 +62,7 @@ class CaseView:
     def draw_answer(self) -> None:
         """Show how good the model is, and a button for the next action."""
         session = self.session
-        self.answer.clear()
-        with self.answer:
+        with parts.fresh(self.answer):
             if session.case is not None:
                 parts.text('span', f'{session.case.title} · {session.case.origin}', 'muted small')
                 parts.text('span', f'Model {muscle_words(session.now.model)}', 'muted small',
@@ -128,8 +127,7 @@ class CaseView:
         session = self.session
         most = max(step.error_N for step in session.steps)
         floor = 100.0 * min(session.noise / most, 1.0)
-        self.ladder.clear()
-        with self.ladder:
+        with parts.fresh(self.ladder):
             with parts.box('ol'):
                 for k, step in enumerate(session.steps):
                     colour = palette.effect(step.effect) if step.effect else (
@@ -160,8 +158,7 @@ class CaseView:
         tabs = [('curves', 'Curves'), ('maps', 'Error maps')]
         if not data.is_static:
             tabs.append(('loops', 'Loops'))
-        self.head.clear()
-        with self.head:
+        with parts.fresh(self.head):
             parts.segments(tabs, self.tab, self._show_tab, 'figure')
             if self.tab != 'curves':
                 return

@@ -98,8 +98,7 @@ class ExplorerView:
         self._tell()
 
     def _tell(self) -> None:
-        self.told.clear()
-        with self.told:
+        with parts.fresh(self.told):
             for sentence in self.explorer.sentences():
                 parts.text('p', sentence)
             for sentence, look in ((self.explorer.free_strain_sentence(), 'muted small'),

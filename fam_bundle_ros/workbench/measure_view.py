@@ -61,8 +61,7 @@ class MeasureView:
             options.append((_NEXT, 'the next experiment of the diagnosis'))
         elif self._chosen == _NEXT:
             self._chosen = _FIRST
-        self.choice.clear()
-        with self.choice:
+        with parts.fresh(self.choice):
             parts.choose('Protocol', options, self._chosen, self._choose, 'live:protocol')
 
     @property
@@ -184,8 +183,7 @@ class MeasureView:
                  'kept': run.kept, 'able': heard and self._protocol is not None}
         if state != self._shown:
             self._shown = state
-            self.buttons.clear()
-            with self.buttons:
+            with parts.fresh(self.buttons):
                 self._draw(state)
         self.said.set_text(self._words())
 

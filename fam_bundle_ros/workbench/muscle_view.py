@@ -32,8 +32,7 @@ class MuscleView:
 
     def _draw_fields(self) -> None:
         form = self.form
-        self.fields.clear()
-        with self.fields:
+        with parts.fresh(self.fields):
             for entry in ENTRIES:
                 field = parts.typed(f'{entry.label}{f", {entry.unit}" if entry.unit else ""}',
                                     form.values.get(entry.key, ''),

@@ -48,8 +48,7 @@ class OwnEffectDialog:
         self._look()
 
     def _draw_fields(self) -> None:
-        self.fields.clear()
-        with self.fields:
+        with parts.fresh(self.fields):
             for name, item in self.draft.fields.items():
                 with parts.box('div', 'triple'):
                     parts.text('b', name)

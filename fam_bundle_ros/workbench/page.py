@@ -101,8 +101,7 @@ class Page:
             self.rig_view = None
         self._draw_top()
         self.messages.clear()
-        self.content.clear()
-        with self.content:
+        with parts.fresh(self.content):
             if self.view == 'explore':
                 self.explorer = self.explorer or Explorer(
                     self.chosen_muscle or load_model(config_path('models/spie2021.yaml')))
@@ -127,8 +126,7 @@ class Page:
         return self.pending_model
 
     def _draw_top(self) -> None:
-        self.top.clear()
-        with self.top:
+        with parts.fresh(self.top):
             with parts.box('div', 'brand'):
                 parts.text('b', 'fam_bundle')
                 parts.text('span', ' workbench')
@@ -236,8 +234,7 @@ class Page:
 
         An InputError is shown on the page.
         """
-        self.messages.clear()
-        with self.messages:
+        with parts.fresh(self.messages):
             parts.box('div', 'loading').props('role=progressbar aria-label="reading the data"')
         await asyncio.sleep(0.03)  # lets the browser draw it before the work begins
         try:
@@ -253,7 +250,6 @@ class Page:
         """Show a message that stays until it is closed."""
         if self.messages.is_deleted:
             return
-        self.messages.clear()
-        with self.messages, parts.box('div', 'alert', 'alert'):
+        with parts.fresh(self.messages), parts.box('div', 'alert', 'alert'):
             parts.text('span', said, 'grow')
             parts.button('Close', self.messages.clear, mark='close-alert')

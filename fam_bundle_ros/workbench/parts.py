@@ -36,6 +36,12 @@ def box(tag: str, classes: str = '', mark: str = '') -> ui.element:
     return _marked(ui.element(tag).classes(classes), mark)
 
 
+def fresh(place: ui.element) -> ui.element:
+    """Return an element, emptied, to be filled again."""
+    place.clear()
+    return place
+
+
 def text(tag: str, said: str, classes: str = '', mark: str = '') -> TextElement:
     """Return an element with text, which is never interpreted as HTML."""
     return _marked(TextElement(tag=tag, text=said).classes(classes), mark)

@@ -40,8 +40,7 @@ class SideView:
 
     def draw(self) -> None:
         """Redraw the panel."""
-        self.place.clear()
-        with self.place:
+        with parts.fresh(self.place):
             # the diagnosis comes first once it is known
             if self.session.diagnosis is not None:
                 self._learned()

@@ -48,8 +48,7 @@ class TrialDialog:
             timer.deactivate()
         if self.body.is_deleted:
             return
-        self.body.clear()
-        with self.body:
+        with parts.fresh(self.body):
             old, new = trial.error_N(result.old), trial.error_N(result.new)
             share = f'{100 * (1 - new / old):.0f} % less' if new < old else 'no less'
             parts.text('p', f'Tracking error {old:.2f} N with the old model, {new:.2f} N with the '
