@@ -46,16 +46,10 @@ class Report:
 
 
 class Meter:
-    """
-    Measures rate, age and longest gap of messages between two reports.
-
-    Attributes
-    ----------
-    last : float or None
-        Steady time of the last tick, s.
-    """
+    """Measures rate, age and longest gap of messages between two reports."""
 
     def __init__(self) -> None:
+        #: Steady time of the last tick, s.
         self.last: float | None = None
         self._count = 0
         self._longest = 0.0

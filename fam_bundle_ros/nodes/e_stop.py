@@ -22,20 +22,13 @@ UNHEARD = ('e_stop has a publisher, but nothing was received: it must be reliabl
 
 
 class EmergencyStop:
-    """
-    Subscribes a node to the emergency stop; ``on_stop`` is called when it is activated.
-
-    Attributes
-    ----------
-    on : bool
-    doubt : str
-        Why the stop is still on after a False; else empty.
-    """
+    """Subscribes a node to the emergency stop; ``on_stop`` is called when it is activated."""
 
     def __init__(self, node: BundleNode, on_stop: Callable[[], None]):
         self._node = node
         self._on_stop = on_stop
         self.on = False
+        #: Why the stop is still on after a False; else empty.
         self.doubt = ''
         self._heard = False
         node.subscribe(interface.E_STOP, Bool, self.take, interface.E_STOP_HEARD)

@@ -120,11 +120,6 @@ class FaultInjection:
 
     The node has `FAULTS` among its parameters. ``apply`` gets the `Faults` of the rig, at once and
     at every change.
-
-    Attributes
-    ----------
-    faults : Faults
-        Those of the rig and those of messages.
     """
 
     def __init__(self, node: BundleNode, units: int, apply: Callable[[Faults], None]):
@@ -134,6 +129,7 @@ class FaultInjection:
         self._held: list[tuple[float, int, Callable[[], None]]] = []
         self._number = count()
         self._timer: Any = None
+        #: Those of the rig and those of messages.
         self.faults = Faults()
         self.take()
         node.trigger(interface.FAULT_CLEAR, self._clear)

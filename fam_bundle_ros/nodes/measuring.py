@@ -68,15 +68,6 @@ class Measuring(BundleNode):
         Time in the experiment at the first sample.
     **keywords
         Of `BundleNode`.
-
-    Attributes
-    ----------
-    reason : str
-        Why the recruitment controller is off, from its diagnostics; empty while it is not.
-    stopped : str
-        Why the experiment cannot go on; empty while it can.
-    heard : float
-        Steady time of the last sample, s; 0 before the first.
     """
 
     def __init__(self, bundle: Bundle, run: ProtocolRun, clock: float, **keywords: Any):
@@ -87,7 +78,10 @@ class Measuring(BundleNode):
         self._setpoint = [math.nan] * bundle.n
         self._open = False
         self._asked: Asked | None = None
+        #: Why the recruitment controller is off, by its diagnostics, and why the experiment cannot
+        #: go on; empty while they can.
         self.reason = self.stopped = ''
+        #: Steady time of the last sample, s; 0 before the first.
         self.heard = 0.0
         #: Topic and steady time (s) of the last reference from another node.
         self.other = '', -math.inf

@@ -65,18 +65,6 @@ class Oversight:
         Called after a latch.
     on_e_stop : callable
         Called when the emergency stop is activated.
-
-    Attributes
-    ----------
-    guard : Guard
-    watches : list of SensorWatch
-        Force, strain, pressures.
-    loops : PressureLoops
-    e_stop : EmergencyStop
-    pressure : list of float, Pa
-        The last readings.
-    topics : tuple of str
-        Topics that have one publisher each: with two, two rigs or two controllers are mixed.
     """
 
     def __init__(self, node: BundleNode, bundle: Bundle, clock: Callable[[], float],
@@ -86,11 +74,14 @@ class Oversight:
         units = range(1, bundle.n + 1)
         self._readings = (interface.FORCE, interface.STRAIN, interface.SUPPLY,
                           *map(interface.pressure_topic, units))
+        #: Topics that have one publisher each: with two, rigs or controllers are mixed.
         self.topics = (*self._readings, interface.E_STOP, interface.SUPPLY_ENABLE,
                        *map(interface.setpoint_topic, units), *map(interface.valve_topic, units))
         self._limit = bundle.max_pressure.tolist()
         self.guard = Guard()
+        #: Force, strain, pressures.
         self.watches = self._make_watches(bundle.largest_force)
+        #: The last readings, Pa.
         self.pressure = [math.nan] * bundle.n
         #: Last force (N) and strain, nan where they cannot be trusted.
         self._force = self._strain = math.nan

@@ -84,11 +84,6 @@ class Air:
         With the parameters of `pid_parameters`.
     unit : int
         From 1.
-
-    Attributes
-    ----------
-    strain, supply : Latest
-    inflow : InflowWatch
     """
 
     def __init__(self, node: BundleNode, bundle: Any, unit: int, config: PidConfig):

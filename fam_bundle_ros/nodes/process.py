@@ -141,10 +141,6 @@ class StopSignals:
     restore : bool
         Whether to restore the previous handlers at the end. A program that is about to exit must
         not restore them: a late signal would change its exit status.
-
-    Attributes
-    ----------
-    received : bool
     """
 
     def __init__(self, restore: bool = True) -> None:

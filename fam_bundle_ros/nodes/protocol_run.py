@@ -74,12 +74,6 @@ class ProtocolRun:
 
     ``todo`` are the segments still to be run, in order; ``keep`` is called with each complete
     segment and its rows.
-
-    Attributes
-    ----------
-    done : bool
-    words : str
-        Present step, for messages.
     """
 
     def __init__(self, protocol: Protocol, todo: Sequence[Segment],
@@ -95,6 +89,7 @@ class ProtocolRun:
         self._seen: Seen
         self._asked: Asked | None = None
         self.done = False
+        #: Present step, for messages.
         self.words = 'waiting for the rig'
 
     @property

@@ -28,11 +28,6 @@ class ReferenceIntake:
 
     ``take`` is called with stamp (ns) and `Reference` of each valid message. The bundle tells
     length, largest pressures and blocked force.
-
-    Attributes
-    ----------
-    meter : Meter
-        Rate and age of the valid messages.
     """
 
     def __init__(self, node: BundleNode, bundle: Bundle, take: Callable[[int, Reference], None]):
@@ -43,6 +38,7 @@ class ReferenceIntake:
         self._pressures = DirectPressures(bundle)
         self._force_rate = ReferenceRate(_STEP * bundle.largest_force)
         self._strain_rate = ReferenceRate(_STEP * FULL_STRAIN)
+        #: Rate and age of the valid messages.
         self.meter = Meter()
         self._kind = ''
         #: Since the last report: kinds before and after each change, reasons of refusals.

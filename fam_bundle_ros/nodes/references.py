@@ -33,14 +33,10 @@ class MovingReference:
 
     Controllers run at a higher rate than references arrive: a ramp that is held in between would
     become a staircase. The jitter of the messages is smoothed, or the ramp would jump with each.
-
-    Attributes
-    ----------
-    last : Reference or None
-        As received.
     """
 
     def __init__(self) -> None:
+        #: As received.
         self.last: Reference | None = None
         self._came = self._interval = 0.0
         #: Extrapolated minus new value at the arrival of the last reference.

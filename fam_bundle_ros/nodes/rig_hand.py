@@ -81,32 +81,22 @@ class Hand(BundleNode):
     ----------
     length : float, m
         Rest length, for a rig that sends the contraction alone.
-
-    Attributes
-    ----------
-    pressure : list of Channel (n,), Pa as received
-    force, strain, supply : Channel
-    command : list (n,)
-        For each valve; None, as at first, to publish nothing.
-    permission : bool or None
-        For ``supply_enable``; None, as at first, to publish nothing.
-    limit : float, Pa
-        Rise of any pressure at which everything is vented.
-    most_force : float, N
-        Change of the force at which everything is vented.
-    trouble : str
-        Why everything was vented; empty before.
     """
 
     def __init__(self, context: Context, namespace: str, units: int, length: float):
         super().__init__('check_rig', (), context=context, namespace=namespace)
         self._length = length
+        #: Pa as received.
         self.pressure = [Channel() for _ in range(units)]
         self.force, self.strain, self.supply = Channel(), Channel(), Channel()
+        #: For each valve; None, as at first, to publish nothing.
         self.command: list[float | None] = [None] * units
+        #: For ``supply_enable``; None, as at first, to publish nothing.
         self.permission: bool | None = None
         self._acting = False
+        #: Rise of any pressure (Pa) and change of the force (N) at which everything is vented.
         self.limit = self.most_force = math.inf
+        #: Why everything was vented; empty before.
         self.trouble = ''
         self.stopped: bool | None = None
         self._send_permission = self.sender(interface.SUPPLY_ENABLE, Bool, interface.bool_message)

@@ -63,13 +63,6 @@ class UnitProbe:
     The steps on motor units, one at a time; ``result`` receives the findings.
 
     The supply is in Pa (gauge), the tube volume in m^3.
-
-    Attributes
-    ----------
-    left_out : set of int
-        Motor units (from 0) that hold air for a known reason.
-    loss : dict
-        Share of the pressure that each shut motor unit loses in a second.
     """
 
     def __init__(self, session: Session, result: Probe, bundle: Bundle, supply: float,
@@ -78,7 +71,9 @@ class UnitProbe:
         self._bundle, self._supply = bundle, supply
         self._tube = tube_volume
         self._units = range(bundle.n)
+        #: Motor units (from 0) that hold air for a known reason.
         self.left_out: set[int] = set()
+        #: Share of the pressure that each shut motor unit loses in a second.
         self.loss: dict[int, float] = {}
 
     def rise(self, channel: Channel) -> float:

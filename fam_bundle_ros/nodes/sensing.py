@@ -87,11 +87,6 @@ class Sensing:
     on_pressure : callable, optional
         In wall time, called at once with motor unit (from 0) and gauge pressure of each message,
         for checks that must not wait for the other channels.
-
-    Attributes
-    ----------
-    latency : dict
-        Age on arrival of the last reading of each channel, s (wall time only).
     """
 
     def __init__(self, node: BundleNode, units: int, length: float,
@@ -106,6 +101,7 @@ class Sensing:
         sensors = ['force', 'strain', *self._pressures]
         #: Rate and age of each channel.
         self.meters = {name: Meter() for name in sensors}
+        #: Age on arrival of the last reading of each channel, s (wall time only).
         self.latency = dict.fromkeys(sensors, 0.0)
         self._latest: dict[str, Any] = {}
         #: Channels with a new value, and its stamp, ns.
