@@ -34,33 +34,52 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Share:
-    """Share of the muscles that lack an effect."""
+    """
+    Share of the muscles that lack an effect.
+
+    Attributes
+    ----------
+    effect : str
+    muscles : int
+        Number of muscles for which it is named in at least half of the recordings.
+    of : int
+        Number of all muscles.
+    low, high : float
+        95 % interval of the share.
+    tied : int
+        Number of muscles for which it is in a tie in at least half of the recordings.
+    """
 
     effect: str
-    #: Number of muscles for which it is named in at least half of the recordings.
     muscles: int
-    #: Number of all muscles.
     of: int
-    #: 95 % interval of the share.
     low: float
     high: float
-    #: Number of muscles for which it is in a tie in at least half of the recordings.
     tied: int
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """Comparison of muscles that lack an effect with the others, in one number of the table."""
+    """
+    Comparison of muscles that lack an effect with the others, in one number of the table.
+
+    Attributes
+    ----------
+    effect, fact : str
+    lacking, others : int
+        Numbers of muscles.
+    median_lacking, median_others : float
+        Medians of the fact.
+    p : float
+        p value of the Mann-Whitney test, corrected for the number of tests.
+    """
 
     effect: str
     fact: str
-    #: Numbers of muscles.
     lacking: int
     others: int
-    #: Medians of the fact.
     median_lacking: float
     median_others: float
-    #: p value of the Mann-Whitney test, corrected for the number of tests.
     p: float
 
     def __str__(self) -> str:
@@ -70,25 +89,35 @@ class Contrast:
 
 @dataclass(frozen=True)
 class Trend:
-    """A power law of a parameter in a number of the table, value = factor * fact ** power."""
+    """
+    A power law of a parameter in a number of the table, value = factor * fact ** power.
+
+    Attributes
+    ----------
+    parameter, unit, fact : str
+    fact_values, values, low, high : tuple of float
+        For each muscle, with 95 % intervals of the values.
+    power, power_low, power_high : float
+        Exponent with 95 % interval.
+    factor : float
+    scatter : float
+        Relative standard deviation of the muscles about the line beyond the errors of their fits.
+    p : float
+        p value of the hypothesis that the power is zero, corrected for the number of tests.
+    """
 
     parameter: str
     unit: str
     fact: str
-    #: For each muscle, with 95 % intervals of the values.
     fact_values: tuple[float, ...]
     values: tuple[float, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
-    #: Exponent with 95 % interval.
     power: float
     power_low: float
     power_high: float
     factor: float
-    #: Relative standard deviation of the muscles about the line beyond the errors of their
-    #: fits.
     scatter: float
-    #: p value of the hypothesis that the power is zero, corrected for the number of tests.
     p: float
 
     def __str__(self) -> str:
