@@ -59,6 +59,17 @@ def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
     assert len(data.trial_names) == 3
 
 
+def test_a_zero_beside_a_word_is_a_reading(tmp_path):
+    """A word in the column of another level makes it text; 0 N at free strain is kept."""
+    path = tmp_path / 'map.csv'
+    path.write_text('strain,1 bar [N],2 bar [N]\n' + ''.join(
+        f'{0.02 * k:.2f},{max(60 - 6 * k, 0)},{"broken" if k == 11 else 120 - 6 * k}\n'
+        for k in range(12)))
+    data = read_measurement(path, drop_bad=True)
+    assert data.force[10:12].tolist() == [0.0, 0.0]
+    assert (len(data), data.dropped) == (23, {'without a number in force': 1})
+
+
 @pytest.mark.parametrize('name', ['Run {}: {}', '{1} Run #{0}', 'Trial {} {}'])
 def test_runs_that_stand_in_each_name_are_trials(trials, tmp_path, name):
     """As programs for schools export them: 'Run 1: Time (s)', 'Run 1: Force (N)', ..."""

@@ -315,7 +315,8 @@ def _filled(cells: np.ndarray) -> np.ndarray:
         return np.isfinite(cells)
     if cells.dtype.kind in 'mM':
         return ~np.isnat(cells)
-    return np.array([cell == cell and str(cell or '').strip() != '' for cell in cells], bool)
+    return np.array([cell is not None and cell == cell and str(cell).strip() != ''
+                     for cell in cells], bool)
 
 
 def one_way_below_the_other(table: Table) -> Table:
