@@ -59,6 +59,16 @@ def test_a_column_of_force_per_pressure_is_a_static_map(trials, name):
     assert len(data.trial_names) == 3
 
 
+def test_rows_that_are_moved_keep_unit_and_number():
+    """A message names the row of the file; the unit is that of the row of units."""
+    table = Table('log', 'CSV', {'up': np.arange(3.0), 'down': np.arange(3.0, 6.0)},
+                  {'up': 'lbf', 'down': 'lbf'}, np.array([5, 6, 8]))
+    whole = table.stacked([{'F': 'up'}, {'F': 'down'}], [np.array([0, 2]), np.array([1])])
+    assert whole.columns['F'].tolist() == [0.0, 2.0, 4.0]
+    assert whole.rows.tolist() == [5, 8, 6]
+    assert whole.units == {'F': 'lbf'}
+
+
 def test_a_zero_beside_a_word_is_a_reading(tmp_path):
     """A word in the column of another level makes it text; 0 N at free strain is kept."""
     path = tmp_path / 'map.csv'
