@@ -109,16 +109,12 @@ class LiveFeed(BundleNode):
         return lambda message: self._tell({'kind': kind, **json.loads(message.data)})
 
     def _on_force(self, message: WrenchStamped) -> None:
-        force = interface.read_force(message)
         self._newest['time'] = interface.stamp_ns(message.header.stamp) * 1e-9
-        self._newest['force'] = force
-        self._track('force', force)
+        self._track('force', interface.read_force(message))
 
     def _on_strain(self, message: JointState) -> None:
         # a rig that gives the contraction alone is shown in m: no rest length is known here
-        strain = interface.read_strain(message, 1.0)[0]
-        self._newest['strain'] = strain
-        self._track('strain', strain)
+        self._track('strain', interface.read_strain(message, 1.0)[0])
 
     def _refer(self, kind: str, value: float) -> None:
         if self._newest.get('reference_kind') != kind:
@@ -126,6 +122,8 @@ class LiveFeed(BundleNode):
         self._newest['reference_kind'], self._newest['reference'] = kind, value
 
     def _track(self, kind: str, value: float) -> None:
+        """Take a reading, and its error where it has the reference."""
+        self._newest[kind] = value
         if self._newest.get('reference_kind') == kind and math.isfinite(value):
             self._tracking[0] += (value - self._newest['reference']) ** 2
             self._tracking[1] += 1

@@ -85,7 +85,6 @@ class Hand(BundleNode):
 
     def __init__(self, context: Context, namespace: str, units: int, length: float):
         super().__init__('check_rig', (), context=context, namespace=namespace)
-        self._length = length
         #: Pa as received.
         self.pressure = [Channel() for _ in range(units)]
         self.force, self.strain, self.supply = Channel(), Channel(), Channel()
@@ -106,8 +105,10 @@ class Hand(BundleNode):
             self.subscribe(interface.pressure_topic(i + 1), FluidPressure,
                            partial(self._on_pressure, i))
         self.subscribe(interface.FORCE, WrenchStamped, self._on_force)
-        self.subscribe(interface.STRAIN, JointState, self._on_strain)
-        self.subscribe(interface.SUPPLY, FluidPressure, self._on_supply)
+        self.subscribe(interface.STRAIN, JointState, lambda message: self._note(
+            self.strain, message, interface.read_strain(message, length)[0]))
+        self.subscribe(interface.SUPPLY, FluidPressure, lambda message: self._note(
+            self.supply, message, message.fluid_pressure))
         self.subscribe(interface.E_STOP, Bool, self._on_e_stop, interface.E_STOP_HEARD)
         self.every(0.5 * PERIOD, self._beat)
 
@@ -169,12 +170,6 @@ class Hand(BundleNode):
         if abs(self.force.last) > self.most_force:
             self.vent(f'the force changed by {self.force.last:.1f} N; at most '
                       f'{self.most_force:.0f} N can be')
-
-    def _on_strain(self, message: JointState) -> None:
-        self._note(self.strain, message, interface.read_strain(message, self._length)[0])
-
-    def _on_supply(self, message: FluidPressure) -> None:
-        self._note(self.supply, message, message.fluid_pressure)
 
     def _on_e_stop(self, message: Bool) -> None:
         self.stopped = message.data
