@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 import tempfile
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 
 
 def write_whole(path: str | Path, content: str | bytes) -> Path:
@@ -38,14 +38,13 @@ def whole(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     draft = None
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f'.{path.name}.',
-                                         delete=False) as file:
-            draft = Path(file.name)
-        yield draft
-        draft.chmod(0o666 & ~_umask())
-        draft.replace(path)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written ({error.strerror or error})') from error
+        with system_errors(path, 'cannot be written'):
+            with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f'.{path.name}.',
+                                             delete=False) as file:
+                draft = Path(file.name)
+            yield draft
+            draft.chmod(0o666 & ~_umask())
+            draft.replace(path)
     finally:
         if draft is not None:
             draft.unlink(missing_ok=True)
@@ -56,10 +55,8 @@ def refuse_unwritable(path: str | Path) -> None:
     path = Path(path)
     if not path.parent.is_dir():
         raise InputError(f'{path}: there is no folder {path.parent}')
-    try:
+    with system_errors(path, 'cannot be written'):
         tempfile.TemporaryFile(dir=path.parent).close()
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written ({error.strerror or error})') from error
 
 
 def _umask() -> int:

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from fam_bundle_ros.atomic import write_whole
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 from fam_bundle_ros.extras import library
 from fam_bundle_ros.mcapfile import McapFile
 
@@ -53,13 +53,11 @@ class BagWriter:
         self._flushed = -1
         #: Messages written so far.
         self.count = 0
-        try:
+        with system_errors(folder, 'cannot be written'):
             self.folder.mkdir(parents=True)
             self._name = f'{name or self.folder.name}.mcap'
             self._file = McapFile(self.folder / self._name, 'fam_bundle_ros')
             self.flush()
-        except OSError as error:
-            raise InputError(f'{folder}: cannot be written ({error.strerror})') from None
 
     def write(self, name: str, kind: str, stamp: int, raw: bytes | memoryview,
               latched: bool = False) -> None:

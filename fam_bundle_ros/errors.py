@@ -4,6 +4,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 
 class InputError(ValueError):
@@ -34,3 +35,12 @@ def in_short(error: Exception) -> str:
     if mark is not None:
         return f'line {mark.line + 1}: {getattr(error, "problem", "")}'
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+@contextmanager
+def system_errors(path: str | Path, what: str, hint: str = '') -> Iterator[None]:
+    """Raise an InputError, ``path: what (reason) hint``, for an error of the operating system."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f'{path}: {what} ({error.strerror or error}){hint}') from error

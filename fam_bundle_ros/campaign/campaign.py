@@ -22,7 +22,7 @@ from fam_bundle_ros.campaign.trends import Contrast, contrasts, Share, shares, T
 from fam_bundle_ros.campaign.version import code_version
 from fam_bundle_ros.data import load_recipe, Recipe
 from fam_bundle_ros.discovery import Choices
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.resources import model_path
 from fam_bundle_ros.told import counted, Told
@@ -126,11 +126,8 @@ class Store:
     folder: Path
 
     def __post_init__(self) -> None:
-        try:
+        with system_errors(self.folder, 'cannot be made', '; expected a folder for results'):
             self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f'{self.folder}: cannot be made ({error.strerror}); expected a '
-                             'folder for results') from error
 
     def path(self, address: str) -> Path:
         """Return the file of a result."""

@@ -23,7 +23,7 @@ from fam_bundle_ros.cli.common import (
     table,
     wrote,
 )
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.told import number
 
@@ -182,10 +182,8 @@ def _fresh_folder(out: Path) -> Iterator[Path]:
         if strange:
             raise InputError(f'{out}: contains {strange[0]}, which is not part of a report; '
                              'expected a new folder or that of an older report')
-    try:
+    with system_errors(out, 'cannot be written'):
         draft = Path(tempfile.mkdtemp(prefix=f'.{out.name}-', dir=out.parent))
-    except OSError as error:
-        raise InputError(f'{out}: cannot be written ({error.strerror})') from error
     try:
         draft.chmod(0o755)
         (draft / 'bag').mkdir()

@@ -23,7 +23,7 @@ from fam_bundle_ros.bagwriter import BagWriter
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, MAX_ROWS, Measurement
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.errors import in_short, InputError
+from fam_bundle_ros.errors import in_short, InputError, system_errors
 from fam_bundle_ros.extras import library
 
 #: A silence longer than this many usual periods (and 0.5 s) starts a new trial.
@@ -283,11 +283,10 @@ def write_bag(measurement: Measurement, folder: str | Path, *,
     draft = folder.with_name(f'.{folder.name}.part')
     shutil.rmtree(draft, ignore_errors=True)
     try:
-        with closing(BagWriter(draft, folder.name)) as writer:
-            _write(measurement, writer, ambient_pressure)
-        draft.rename(folder)
-    except OSError as error:
-        raise InputError(f'{folder}: cannot be written ({error.strerror})') from error
+        with system_errors(folder, 'cannot be written'):
+            with closing(BagWriter(draft, folder.name)) as writer:
+                _write(measurement, writer, ambient_pressure)
+            draft.rename(folder)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 

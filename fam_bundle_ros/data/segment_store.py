@@ -17,7 +17,7 @@ from typing import NamedTuple
 from fam_bundle_ros.atomic import whole, write_whole
 from fam_bundle_ros.data.measurement import labels_of
 from fam_bundle_ros.data.protocol import dumps_protocol, Protocol, Segment
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 
 _PROTOCOL = 'protocol.yaml'
 
@@ -97,10 +97,8 @@ class SegmentStore:
     def keep(self, segment: Segment, rows: Iterable[Row]) -> None:
         """Write a complete segment."""
         if not self.folder.exists():
-            try:
+            with system_errors(self.folder, 'cannot be made'):
                 self.folder.mkdir()
-            except OSError as error:
-                raise InputError(f'{self.folder}: cannot be made ({error.strerror})') from error
             write_whole(self.folder / _PROTOCOL, self._text)
         write_whole(self.folder / f'{segment.number:05d}.csv', ''.join(
             f'{row.time:.6f},{segment.number},{row.strain:.7g},'

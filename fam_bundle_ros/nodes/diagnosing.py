@@ -21,7 +21,7 @@ from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.worker import Done, Worker
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.live_model import error_on, failure_words, LiveModel, ModelWatch
@@ -168,10 +168,8 @@ class Diagnosing:
 
 def _refuse_unwritable(folder: Path) -> None:
     """Refuse a folder that cannot be made or is full: minutes of work would be lost."""
-    try:
+    with system_errors(folder, 'cannot be made'):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f'{folder}: cannot be made ({error.strerror})') from error
     write_whole(folder / '.room', bytes(_ROOM)).unlink()
 
 

@@ -16,7 +16,7 @@ import re
 import signal
 import sys
 
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 from fam_bundle_ros.processes import ENDS_WITH_STDIN, environment
 from fam_bundle_ros.resources import shipped_or_own
 from fam_bundle_ros.workbench import live
@@ -91,11 +91,9 @@ class MeasureRun:
         """
         if self.running:
             raise InputError('a measurement is running already: stop it first')
-        try:
-            Path(order.out).parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f'{Path(order.out).parent}: cannot be made ({error.strerror})'
-                             ) from None
+        folder = Path(order.out).parent
+        with system_errors(folder, 'cannot be made'):
+            folder.mkdir(parents=True, exist_ok=True)
         self.running, self._stopped = True, False
         self.order, self.share, self.words = order, 0.0, 'starting'
         self.file = self.failure = ''
