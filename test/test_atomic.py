@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from fam_bundle_ros.atomic import whole, write_whole
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
 
 #: What writes files by itself, and why that is no result of a command.
 OWN_WAYS = {
@@ -35,6 +35,14 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
         break_off()
     assert path.read_text() == 'old'
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_of_the_system_is_told_with_path_reason_and_hint(tmp_path):
+    """The sentence of the command line for a folder that cannot be made."""
+    said = r'^results: cannot be made \(No such file or directory\); expected another$'
+    with pytest.raises(InputError, match=said), \
+            system_errors('results', 'cannot be made', '; expected another'):
+        (tmp_path / 'missing' / 'results').mkdir()
 
 
 def test_killed_writer_leaves_the_old_file(tmp_path):
