@@ -82,46 +82,26 @@ class Talk(Enum):
 
 class Board:
     """
-    State of the connection to a board.
+    State of the connection to a board, which must have a number of motor units.
 
-    Times are of one steady clock, s.
-
-    Parameters
-    ----------
-    units : int
-        Number of motor units that the board must have.
-    timeout : float, s
-        Silence after which the board counts as lost.
-    on_lost : callable
-        Called with the reason when a running board is lost.
-
-    Attributes
-    ----------
-    talk : Talk
-    reason : str
-        Why the connection is not running; empty while it is.
-    name : str
-        What the board calls itself.
-    newest : BoardSample or None
-    taken : float, s
-        When ``newest`` was taken.
-    lost, garbled, reconnects, restarts, skipped : int
-        Numbers of missing lines, of unreadable lines, of reopened ports, of restarts of the
-        board, and of samples whose time is not known (see `feed`).
-    last_garbled : str
-        Why the last garbled line could not be read.
-    round_trip : float, s
-        Newest time from sending a command to the first sample that acknowledges it.
+    Times are of one steady clock, s. After a silence of ``timeout`` the board counts as lost;
+    ``on_lost`` is called with the reason when a running board is.
     """
 
     def __init__(self, units: int, timeout: float, on_lost: Callable[[str], None]):
         self._units = units
         self._timeout = timeout
         self._on_lost = on_lost
+        #: Numbers of missing lines, of unreadable lines, of reopened ports, of restarts of the
+        #: board, and of samples whose time is not known (see `feed`).
         self.lost = self.garbled = self.reconnects = self.restarts = self.skipped = 0
+        #: Why the last garbled line could not be read.
         self.last_garbled = ''
+        #: What the board calls itself.
         self.name = ''
+        #: Newest time from sending a command to the first sample that acknowledges it, s.
         self.round_trip = 0.0
+        #: Newest sample, and when it was taken.
         self.newest: BoardSample | None = None
         self.taken = 0.0
         self._clock = BoardClock()
@@ -214,6 +194,7 @@ class Board:
 
     def _become(self, talk: Talk, reason: str = '') -> None:
         self.talk = talk
+        #: Why the connection is not running; empty while it is.
         self.reason = reason or talk.value
 
     def _leave(self, talk: Talk, reason: str) -> None:

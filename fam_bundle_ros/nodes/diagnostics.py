@@ -19,19 +19,11 @@ ERROR = 2
 
 @dataclass
 class Report:
-    """
-    State of a node: the worst level wins, its messages are joined.
-
-    Attributes
-    ----------
-    level : int
-    messages : list of str
-    values : dict
-        Key and value as tools show them.
-    """
+    """State of a node: the worst level wins, its messages are joined."""
 
     level: int = OK
     messages: list[str] = field(default_factory=list)
+    #: Key and value as tools show them.
     values: dict[str, str] = field(default_factory=dict)
 
     def add(self, level: int, message: str) -> None:

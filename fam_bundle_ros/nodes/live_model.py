@@ -82,14 +82,6 @@ class ModelWatch:
         Largest rate of false alarms, for a model that holds.
     tolerance : float, N, optional
         Largest tolerated mean error at a state; from the model by default.
-
-    Attributes
-    ----------
-    bundle : Bundle
-    memory : Memory
-    holding : Holding
-    where : str
-        Where the model fails, as text; empty until this is located.
     """
 
     def __init__(self, bundle: Bundle, window: float = 60.0, seconds: float = 300.0,
@@ -115,6 +107,7 @@ class ModelWatch:
         self.bundle = bundle
         tolerance = tolerance_of(bundle) if self._tolerance is None else self._tolerance
         self.holding = Holding(tolerance, self._scale, self._false_alarms, self._window)
+        #: Where the model fails, as text; empty until this is located.
         self.where = ''
         #: For each second of the window: start (s), sum of squared residuals (N^2), samples.
         self._squares: deque[list[float]] = deque()
