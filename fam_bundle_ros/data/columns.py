@@ -31,9 +31,8 @@ from fam_bundle_ros.data.formats.heads import interval_of, scale_in
 from fam_bundle_ros.data.formats.stacking import ONE_CLOCK
 from fam_bundle_ros.data.formats.table import Table
 from fam_bundle_ros.data.measurement import build, Measurement, Taken
-from fam_bundle_ros.data.missing_units import guess_unit, time_unit
+from fam_bundle_ros.data.missing_units import guess_unit, stated_unit, time_unit
 from fam_bundle_ros.data.recipe import Recipe
-from fam_bundle_ros.data.stated_units import stated_unit
 from fam_bundle_ros.data.strains import (
     other_strains,
     RestLength,

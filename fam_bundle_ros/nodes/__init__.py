@@ -14,7 +14,7 @@ Executables, with the modules of each:
 - `serial_rig`, driver of a microcontroller: `board`, `air` and the other `serial_` modules
 - `bundle_bringup`: a bundle in one process
 
-Used by several: `base`, `parameters`, `known`, `process`, `interface` (names and messages),
+Used by several: `base`, `parameters`, `process`, `interface` (names and messages),
 `sensing` and `gate` (samples), `references`, `profile`, `models`, `diagnostics`, `loops`,
 `e_stop`, `supply_enable`.
 

@@ -232,7 +232,7 @@ def run(make: NodeFactory, usage: str, args: Sequence[str] | None = None) -> int
     # Imported here, as that module imports every node, and nodes import this module. It takes a
     # second, in which no timer may run: EventsExecutor makes up for every call that is overdue,
     # and each such call delays the next one by a period.
-    from fam_bundle_ros.nodes.known import refuse_unknown
+    from fam_bundle_ros.nodes.bundle_bringup import refuse_unknown
     with StopSignals(restore=False) as signals:
         context = Context()
         spinner = None

@@ -113,7 +113,8 @@ import sys
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes.process import run
 def make(context):
-    raise InputError('known' if 'fam_bundle_ros.nodes.known' in sys.modules else 'unknown')
+    known = 'fam_bundle_ros.nodes.bundle_bringup' in sys.modules
+    raise InputError('known' if known else 'unknown')
 sys.exit(run(make, '', ['node']))
 """
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,

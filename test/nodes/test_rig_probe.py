@@ -14,7 +14,7 @@ from sensor_msgs.msg import FluidPressure
 from fam_bundle_ros.cli.rig_commands import check_rig
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface
-from fam_bundle_ros.nodes.known import refuse_unknown
+from fam_bundle_ros.nodes.bundle_bringup import refuse_unknown
 from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.nodes.rig_hand import Hand, Session
