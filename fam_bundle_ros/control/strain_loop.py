@@ -12,7 +12,7 @@ from typing import Any
 from scipy.constants import g
 
 from fam_bundle_ros.control.friction import turn_round
-from fam_bundle_ros.control.load_estimate import learn_load, load_law
+from fam_bundle_ros.control.load_estimate import law_doubt, learn_load, load_law, STEP
 from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, quick_of
 from fam_bundle_ros.control.outer import command_lag, LoadModel, OuterConfig
 from fam_bundle_ros.control.saturation import integrate_error, unwind
@@ -104,11 +104,12 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         if integral > 0.0:
             # Delay after which a release of friction is detected.
             lag = command_lag(settings, dt) + dt + RATE_LAG
-            quick = max(stiffness / (_LAGS * lag), integral)
-            due = rate
+            due, quick = rate, max(stiffness / (_LAGS * lag), integral)
             if not settings.load_known and not state.load.known:
-                # The holding force is unknown, the load may rest on a stop: search for it.
+                # The holding force is unknown, the load may rest on a stop: search for it, at
+                # least as fast as the stiffness that holds a usual load allows.
                 due += integral / max(stiffness, settings.stiffnesses[0]) * error
+                quick = max(stiffness, _USUAL_WEIGHT * settings.most_stiffness) / lag
             integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
             unwind(state, error, excess, saturated)
             left = error
@@ -134,7 +135,9 @@ def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate
     """
     Return the feed-forward force for an unknown load, N: 0 until the load is identified.
 
-    At that moment the integral, which held the load until then, is reduced by the same force.
+    It is when the doubt of the force for the reference moves the strain by less than its present
+    error. At that moment the integral, which held the load until then, is reduced by the same
+    force.
 
     Parameters
     ----------
@@ -147,10 +150,15 @@ def unknown_load(settings: Any, state: Any, measurement: Any, ahead: float, rate
     load, known = state.load, state.load.known
     learn_load(load, measurement.strain, measurement.force, settings.most_stiffness,
                settings.usual_inertia, settings.filter_time, dt)
+    if not known:
+        stiffness = load.value[0] + present_stiffness(settings, measurement.pressure)
+        missing = (max(abs(ahead - measurement.strain), STEP)
+                   * max(stiffness, settings.stiffnesses[0]))
+        load.known = load.places > 0 and law_doubt(load, ahead, rate, state.bend) < missing
     if not load.known:
         return 0.0
     if not known:
-        state.integral -= load.forces[2]
+        state.integral -= load.offset + load_law(load, load.strains[2], load.rate, load.bend)
     return load.offset + load_law(load, ahead, rate, state.bend)
 
 

@@ -110,9 +110,10 @@ def test_a_load_whose_damping_is_told_gets_quicker_gains(bundles):
 def test_an_empty_bundle_on_a_load_that_was_identified_gets_gains(bundles):
     """Those of the lowest stiffness: there is none to divide the damping by."""
     settings, state = outer_settings(OuterConfig(), LoadModel(), bundles[2]), OuterState(lag=0.02)
-    learn = [MeasurementRecord(10.0, 5e-4 * k, 0.1, [0.0, 0.0]) for k in range(200)]
-    for reading in learn:
-        strain_loop(settings, state, reading, 0.1, 0.0, FREE, 0.0, 4e-3)
+    for k in range(200):
+        pressure = [1e5 if k < 190 else 0.0, 0.0]
+        strain_loop(settings, state, MeasurementRecord(10.0, 5e-4 * k, 0.1, pressure), 0.1, 0.0,
+                    FREE, 0.0, 4e-3)
     assert state.load.known
     assert state.load.value[0] == pytest.approx(0.0, abs=1.0)
     assert np.isfinite(state.kept)
