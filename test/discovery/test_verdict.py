@@ -409,12 +409,12 @@ def test_a_bent_law_is_an_answer_only_down_to_the_noise(search, monkeypatch, str
 
 
 @pytest.mark.parametrize(('verdict', 'doubt', 'named', 'told'), [
-    ('partial', {}, True, 0.99), ('partial', {}, False, 0.5),
+    ('missing_effect', {}, True, 0.99), ('partial', {}, True, 0.9), ('partial', {}, False, 0.5),
     ('partial', {'warnings': ('a drift',)}, True, 0.9),
     ('partial', {'slips': ('absolute pressure',)}, True, 0.9), ('unexplained', {}, False, 0.5),
     ('partial', {'refusals': ('a plane is as good',)}, True, 0.5)])
 def test_no_more_is_shown_than_the_doubts_allow(verdict, doubt, named, told):
-    """An effect that the held-out folds refused is not shown as all but certain."""
+    """Nor is an effect beside structure that the catalogue does not explain all but certain."""
     finding = verdicts.Finding(verdict, verdicts.Left(1.0, 0.0), **doubt)
     assert verdicts.shown_probability(finding, 0.99, named) == told
     assert verdicts.shown_probability(finding, 0.3, named) == 0.3
