@@ -62,7 +62,7 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     if not found:
         return chosen, found
     physics = fitter.without_discrepancy(chosen)
-    if remaining_discrepancy(fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
+    if not folds_tell(search, chosen, physics):
         return plainest(search, chosen, found)
     # remove the weak effects of each set, as was done for the chosen set
     reduced = {fit.names: fit for fit in (
@@ -79,6 +79,18 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
                 if square <= away.min() + fitter.cells.noise ** 2)
     order = search.options.changes(best.names)
     return best, sorted(order, key=lambda change: -loss.get(change.label, 0.0))
+
+
+def folds_tell(search: Search, chosen: Fit, physics: Fit) -> bool:
+    """
+    Return whether a set leaves an error that held-out folds can tell from that of another set.
+
+    It is structure that is visible in the noise, however small beside the largest force, or an
+    error that is not negligible.
+    """
+    left = remaining_discrepancy(search.fitter.covariance, chosen, physics)
+    return (left.total > negligible(search.fitter.cells)
+            or leaves_structure(search, chosen, physics))
 
 
 def plainest(search: Search, chosen: Fit, found: list[Change]) -> tuple[Fit, list[Change]]:
@@ -150,8 +162,7 @@ def predictive(search: Search, chosen: Fit, physics: Fit) -> Fit:
         The answer, fitted with and without a discrepancy.
     """
     fitter = search.fitter
-    if not splits(fitter.cells) or remaining_discrepancy(
-            fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
+    if not splits(fitter.cells) or not folds_tell(search, chosen, physics):
         return physics
     tried = [physics, *(fitter.without_discrepancy(fit)
                         for fit in _near(search, search.best.posterior)

@@ -145,6 +145,21 @@ def test_folds_choose_among_ties_but_add_nothing_to_them(search, monkeypatch):
     assert best.names == chosen.names
 
 
+@pytest.mark.parametrize(('structured', 'told'), [(True, 'coulomb_friction'),
+                                                  (False, 'end_caps')])
+def test_folds_choose_where_structure_shows_however_small_beside_the_force(
+        search, monkeypatch, structured, told):
+    """A bundle of 300 N whose push-back of 2 N has the wrong shape is not done to 1 %."""
+    made = search(nothing=0.0, end_caps=300.0, coulomb_friction=299.5)
+    monkeypatch.setattr(choice, 'negligible', lambda cells: 1e9)
+    monkeypatch.setattr(choice, 'leaves_structure', lambda *given: structured)
+    monkeypatch.setattr(choice, 'squares_of_folds', lambda fitter, fit: np.array(
+        [1.0, 1.1] if 'coulomb_friction' in fit.names else [9.0, 9.1]))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
+    best, _ = choice.best_of_ties(made, made.best, made.options.changes(made.best.names), {})
+    assert told in best.names
+
+
 @pytest.mark.parametrize(('dead', 'worse', 'told'), [
     ({'stribeck_friction': 2, 'coulomb_friction': 0}, 0.0, 'coulomb_friction'),
     ({'stribeck_friction': 2, 'coulomb_friction': 0}, 0.6, 'stribeck_friction'),
@@ -163,7 +178,7 @@ def test_down_to_the_noise_the_plainest_of_equally_probable_shapes_is_told(
     made.fitter = SimpleNamespace(cells=replace(made.fitter.cells, noise=1.0), covariance=None,
                                   without_discrepancy=lambda fit: fit)
     for name, value in (
-            ('remaining_discrepancy', lambda *given: SimpleNamespace(total=0.0)),
+            ('folds_tell', lambda *given: False),
             ('is_dead', lambda fit: np.arange(len(fit.priors)) < dead[shape[fit.names]]),
             ('held_out_physics', lambda fitter, fit: 1.0 + worse * (
                 'coulomb_friction' in fit.names))):
