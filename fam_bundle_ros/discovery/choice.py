@@ -44,7 +44,7 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     """
     Return the chosen set, or a set of similar probability that predicts held-out folds better.
 
-    Sets whose cross-validation error is within one standard error of the lowest count as equal
+    Sets whose cross-validation error is at most the lowest and its standard error count as equal
     (Breiman et al. 1984), but their predictions between the measured strains may differ. Of these
     sets, take the most probable one whose distance to their weighted average is the smallest, up
     to the noise of a row: the single set closest to the average predicts best (Barbieri and
@@ -72,7 +72,8 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     alone = [physics, *(fitter.without_discrepancy(fit) for fit in tried[1:])]
     squares = [squares_of_folds(fitter, fit) for fit in alone]
     least = min(squares, key=np.sum)
-    alike = [k for k, each in enumerate(squares) if within_standard_error(each, least)]
+    alike = [k for k, each in enumerate(squares)
+             if np.sum(each) <= np.sum(least) + standard_error(least)]
     away = mean_square_distance(fitter.cells, [alone[k].model for k in alike],
                                 softmax([tried[k].posterior for k in alike]))
     best = next(tried[k] for k, square in zip(alike, away)
@@ -269,4 +270,9 @@ def _is_implausible(physics: Fit, change: Change) -> bool:
 def within_standard_error(squares: np.ndarray, best: np.ndarray) -> bool:
     """Return whether mean squares of folds, (k,), are within a standard error of the best."""
     more = squares - best
-    return bool(more.sum() <= np.sqrt(len(more)) * np.std(more, ddof=len(more) > 1))
+    return bool(more.sum() <= standard_error(more))
+
+
+def standard_error(squares: np.ndarray) -> float:
+    """Return the standard error of the sum of contributions of folds, (k,)."""
+    return float(np.sqrt(len(squares)) * np.std(squares, ddof=len(squares) > 1))

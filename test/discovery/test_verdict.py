@@ -160,6 +160,20 @@ def test_folds_choose_where_structure_shows_however_small_beside_the_force(
     assert told in best.names
 
 
+def test_a_set_that_fails_on_one_fold_is_not_as_good_as_one_that_is_hardly_worse_on_all(
+        search, monkeypatch):
+    """Differences to the best set scatter most where one fold is far off: that excuses nothing."""
+    squares = {'end_caps': [1.05, 2.05, 1.05, 2.05], 'coulomb_friction': [1.0, 2.0, 1.0, 8.0],
+               'force_sensor_gain': [1.0, 2.0, 1.0, 2.0]}
+    made = search(nothing=0.0, end_caps=300.0, coulomb_friction=299.5, force_sensor_gain=299.0)
+    monkeypatch.setattr(choice, 'folds_tell', lambda *given: True)
+    monkeypatch.setattr(choice, 'squares_of_folds', lambda fitter, fit: np.array(
+        next(values for name, values in squares.items() if name in fit.names)))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
+    best, _ = choice.best_of_ties(made, made.best, made.options.changes(made.best.names), {})
+    assert 'end_caps' in best.names
+
+
 @pytest.mark.parametrize(('dead', 'worse', 'told'), [
     ({'stribeck_friction': 2, 'coulomb_friction': 0}, 0.0, 'coulomb_friction'),
     ({'stribeck_friction': 2, 'coulomb_friction': 0}, 0.6, 'stribeck_friction'),
