@@ -44,7 +44,7 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     """
     Return the chosen set, or a set of similar probability that predicts held-out folds better.
 
-    Sets whose cross-validation error is at most the lowest and its standard error count as equal
+    Sets whose cross-validation error is at most the lowest plus its standard error are equal
     (Breiman et al. 1984), but their predictions between the measured strains may differ. Of these
     sets, take the most probable one whose distance to their weighted average is the smallest, up
     to the noise of a row: the single set closest to the average predicts best (Barbieri and
