@@ -142,7 +142,7 @@ def above_floor(data: Measurement, stiff: np.ndarray | None) -> np.ndarray:
     neighbouring rows, the noise does not show.
     """
     least = data.force == data.force.min()
-    if stiff is not None or data.is_static:
+    if stiff is not None or data.is_static or least.all():
         return np.ones(len(data), bool)
     beside = np.append(False, least[:-1]) | np.append(least[1:], False)
     return ~(least & beside)
