@@ -180,6 +180,12 @@ class Posterior:
         """Return the probability of a change by its label."""
         return self.probability(lambda change: change.label == label)
 
+    def of_changes(self, fit: Fit) -> float:
+        """Return the probability of the changes of a set, in all their shapes together."""
+        labels = {change.label for change in self.options.changes(fit.names)}
+        return float(sum(weight for weight, set_ in zip(self.weights, self._changes)
+                         if {change.label for change in set_} == labels))
+
     def best_with(self, label: str) -> tuple[Fit, Change]:
         """Return the most probable set with a change of this label, and that change."""
         return next((fit, change) for fit, set_ in zip(self.fits, self._changes)

@@ -160,6 +160,18 @@ def test_folds_choose_where_structure_shows_however_small_beside_the_force(
     assert told in best.names
 
 
+def test_of_sets_as_good_as_each_other_the_likelier_effect_is_told_in_all_its_shapes(
+        search, monkeypatch):
+    """An effect of 0.4 was named that could not be told from one of 0.6, which has two shapes."""
+    made = search(nothing=0.0, force_sensor_gain=300.0, end_caps=299.9, tondu_factor=299.8)
+    monkeypatch.setattr(choice, 'folds_tell', lambda *given: True)
+    monkeypatch.setattr(choice.Posterior, 'over_folds', lambda made, *given: Posterior.of(made))
+    monkeypatch.setattr(choice, 'squares_of_folds', lambda *given: np.ones(4))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
+    best, _ = choice.best_of_ties(made, made.best, made.options.changes(made.best.names), {})
+    assert 'end_caps' in best.names
+
+
 def test_a_set_that_fails_on_one_fold_is_not_as_good_as_one_that_is_hardly_worse_on_all(
         search, monkeypatch):
     """Differences to the best set scatter most where one fold is far off: that excuses nothing."""
