@@ -48,9 +48,9 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     (Breiman et al. 1984), but their predictions between the measured strains may differ. Of these
     sets, take the most probable one whose distance to their weighted average is the smallest, up
     to the noise of a row: the single set closest to the average predicts best (Barbieri and
-    Berger 2004). The most probable one has the most probable effects, in all their shapes. If no
-    structure is left in the residual, folds give no information beyond the evidence: return the
-    `plainest` set.
+    Berger 2004). The most probable one has the fewest wrong effects, as far as probabilities
+    tell. If no structure is left in the residual, folds give no information beyond the evidence:
+    return the `plainest` set.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     reduced.pop(chosen.names, None)
     told = Posterior.over_folds(search, chosen)
     tried = sorted([chosen, *reduced.values()],
-                   key=lambda fit: (-round(told.of_changes(fit), 3), -fit.posterior))
+                   key=lambda fit: (round(told.expected_wrong(fit), 3), -fit.posterior))
     alone = [physics if fit is chosen else fitter.without_discrepancy(fit) for fit in tried]
     squares = [squares_of_folds(fitter, fit) for fit in alone]
     least = min(squares, key=np.sum)

@@ -160,7 +160,7 @@ def test_folds_choose_where_structure_shows_however_small_beside_the_force(
     assert told in best.names
 
 
-def test_of_sets_as_good_as_each_other_the_likelier_effect_is_told_in_all_its_shapes(
+def test_of_sets_as_good_as_each_other_the_one_of_likelier_effects_is_told(
         search, monkeypatch):
     """An effect of 0.4 was named that could not be told from one of 0.6, which has two shapes."""
     made = search(nothing=0.0, force_sensor_gain=300.0, end_caps=299.9, tondu_factor=299.8)
