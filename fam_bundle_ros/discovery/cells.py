@@ -31,6 +31,7 @@ from fam_bundle_ros.discovery.log_rows import (
     unknown_direction,
 )
 from fam_bundle_ros.discovery.predict import (
+    above_floor,
     is_one_force,
     matched,
     motion,
@@ -218,7 +219,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
               f'from visits beyond a sample of {most}': (left & ~turns & ~blurred).sum()}
     count = np.bincount(label[label >= 0]).astype(float)
     mean = averages(label, len(count))
-    found = mean_noise(residual[used], visit[used], floor) or MeanNoise(noise)
+    seen = used & above_floor(data, stiff)
+    found = mean_noise(residual[seen], visit[seen], floor) or MeanNoise(noise)
     rate = np.abs(mean(data.strain_rate))
     return Cells(data, record, label, {words: int(rows) for words, rows in unused.items() if rows},
                  count, mean(data.force), mean(data.strain),

@@ -44,12 +44,13 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     """
     Return the chosen set, or a set of similar probability that predicts held-out folds better.
 
-    Sets whose cross-validation error is within one standard error of the lowest count as equal
+    Sets whose cross-validation error is at most the lowest plus its standard error are equal
     (Breiman et al. 1984), but their predictions between the measured strains may differ. Of these
     sets, take the most probable one whose distance to their weighted average is the smallest, up
     to the noise of a row: the single set closest to the average predicts best (Barbieri and
-    Berger 2004). If no structure is left in the residual, folds give no information beyond the
-    evidence: return the `plainest` set.
+    Berger 2004). The most probable one has the fewest wrong effects, as far as probabilities
+    tell. If no structure is left in the residual, folds give no information beyond the evidence:
+    return the `plainest` set.
 
     Parameters
     ----------
@@ -62,23 +63,38 @@ def best_of_ties(search: Search, chosen: Fit, found: list[Change], loss: dict[st
     if not found:
         return chosen, found
     physics = fitter.without_discrepancy(chosen)
-    if remaining_discrepancy(fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
+    if not folds_tell(search, chosen, physics):
         return plainest(search, chosen, found)
     # remove the weak effects of each set, as was done for the chosen set
     reduced = {fit.names: fit for fit in (
         named(search, fit)[0] for fit in _near(search, chosen.posterior))}
     reduced.pop(chosen.names, None)
-    tried = [chosen, *sorted(reduced.values(), key=lambda fit: -fit.posterior)]
-    alone = [physics, *(fitter.without_discrepancy(fit) for fit in tried[1:])]
+    told = Posterior.over_folds(search, chosen)
+    tried = sorted([chosen, *reduced.values()],
+                   key=lambda fit: (round(told.expected_wrong(fit), 3), -fit.posterior))
+    alone = [physics if fit is chosen else fitter.without_discrepancy(fit) for fit in tried]
     squares = [squares_of_folds(fitter, fit) for fit in alone]
     least = min(squares, key=np.sum)
-    alike = [k for k, each in enumerate(squares) if within_standard_error(each, least)]
+    alike = [k for k, each in enumerate(squares)
+             if np.sum(each) <= np.sum(least) + standard_error(least)]
     away = mean_square_distance(fitter.cells, [alone[k].model for k in alike],
                                 softmax([tried[k].posterior for k in alike]))
     best = next(tried[k] for k, square in zip(alike, away)
                 if square <= away.min() + fitter.cells.noise ** 2)
     order = search.options.changes(best.names)
     return best, sorted(order, key=lambda change: -loss.get(change.label, 0.0))
+
+
+def folds_tell(search: Search, chosen: Fit, physics: Fit) -> bool:
+    """
+    Return whether a set leaves an error that held-out folds can tell from that of another set.
+
+    It is structure that is visible in the noise, however small beside the largest force, or an
+    error that is not negligible.
+    """
+    left = remaining_discrepancy(search.fitter.covariance, chosen, physics)
+    return (left.total > negligible(search.fitter.cells)
+            or leaves_structure(search, chosen, physics))
 
 
 def plainest(search: Search, chosen: Fit, found: list[Change]) -> tuple[Fit, list[Change]]:
@@ -150,8 +166,7 @@ def predictive(search: Search, chosen: Fit, physics: Fit) -> Fit:
         The answer, fitted with and without a discrepancy.
     """
     fitter = search.fitter
-    if not splits(fitter.cells) or remaining_discrepancy(
-            fitter.covariance, chosen, physics).total <= negligible(fitter.cells):
+    if not splits(fitter.cells) or not folds_tell(search, chosen, physics):
         return physics
     tried = [physics, *(fitter.without_discrepancy(fit)
                         for fit in _near(search, search.best.posterior)
@@ -258,4 +273,9 @@ def _is_implausible(physics: Fit, change: Change) -> bool:
 def within_standard_error(squares: np.ndarray, best: np.ndarray) -> bool:
     """Return whether mean squares of folds, (k,), are within a standard error of the best."""
     more = squares - best
-    return bool(more.sum() <= np.sqrt(len(more)) * np.std(more, ddof=len(more) > 1))
+    return bool(more.sum() <= standard_error(more))
+
+
+def standard_error(squares: np.ndarray) -> float:
+    """Return the standard error of the sum of contributions of folds, (k,)."""
+    return float(np.sqrt(len(squares)) * np.std(squares, ddof=len(squares) > 1))

@@ -33,7 +33,14 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.cells import extent, visits
 from fam_bundle_ros.discovery.locate import locate, Region
 from fam_bundle_ros.discovery.log_rows import spikes, stretches, unknown_direction
-from fam_bundle_ros.discovery.predict import free_mask, matched, noise_of, predict, stiffness
+from fam_bundle_ros.discovery.predict import (
+    above_floor,
+    free_mask,
+    matched,
+    noise_of,
+    predict,
+    stiffness,
+)
 from fam_bundle_ros.discovery.reading import measurement_of
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
@@ -219,7 +226,7 @@ def floor_of(data: Measurement, residual: np.ndarray, stiff: np.ndarray | None) 
     floor = noise_of(data, residual, stiff)
     if data.is_static or floor.differences is None or floor.basis == 'repeats':
         return floor
-    few = stretches(replace(data, force=residual), settings.ROWS)
+    few = stretches(replace(data, force=residual).select(above_floor(data, stiff)), settings.ROWS)
     if len(few) <= settings.CELLS:
         return floor
     stay = visits(few, few.direction, *extent(few), settings.CELLS)

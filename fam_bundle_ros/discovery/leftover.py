@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fam_bundle_ros.atomic import whole
+from fam_bundle_ros.data.grouping import ONE_STRAIN
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.surface import PRESSURES, STRAINS, Surface
@@ -65,7 +66,9 @@ class Leftover:
             Of the same effects fitted with a discrepancy; its parts of amplitude zero stay zero.
         """
         rows = fitter.cells.data
-        strain = np.linspace(rows.strain.min(), rows.strain.max(), STRAINS)
+        # at a fixed length too a table has points beside each other
+        strain = np.linspace(rows.strain.min(), max(rows.strain.max(), rows.strain.min()
+                                                    + ONE_STRAIN), STRAINS)
         units = rows.pressure.shape[1]
         pressure = np.stack([np.linspace(column.min(), max(column.max(), column.min() + 1e3),
                                          PRESSURES) for column in rows.pressure.T])

@@ -180,6 +180,16 @@ class Posterior:
         """Return the probability of a change by its label."""
         return self.probability(lambda change: change.label == label)
 
+    def expected_wrong(self, fit: Fit) -> float:
+        """
+        Return how many effects of a set are wrong or missing, minus the same of the empty set.
+
+        Expected number, by the probability of each effect: the median probability model has the
+        least (Barbieri and Berger 2004).
+        """
+        return sum(1.0 - 2.0 * self.of_label(change.label)
+                   for change in self.options.changes(fit.names))
+
     def best_with(self, label: str) -> tuple[Fit, Change]:
         """Return the most probable set with a change of this label, and that change."""
         return next((fit, change) for fit, set_ in zip(self.fits, self._changes)

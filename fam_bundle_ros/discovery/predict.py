@@ -123,12 +123,29 @@ def noise_of(data: Measurement, residual: np.ndarray, stiff: np.ndarray | None) 
 
     Under a constant force it is noise of the strain: of two visits to the same measured strain
     and pressure it would be equal, so that visits to the same force and pressure are compared.
+    Rows at the lower limit of a load cell show no noise, see `above_floor`.
     """
+    seen = above_floor(data, stiff)
+    data, residual = data.select(seen), residual[seen]
     if stiff is not None and not data.is_static:
         _, mean = _within_passes(data, data.force)
         level = np.round(mean / _least_change(data, float(np.median(stiff))))
         data = replace(data, strain=level)
     return noise_floor(data, residual)
+
+
+def above_floor(data: Measurement, stiff: np.ndarray | None) -> np.ndarray:
+    """
+    Return the rows of a log in which noise of the force shows, (T,) bool; of other data all.
+
+    Where a slack muscle, or a load cell that cannot read less, gives the lowest reading in
+    neighbouring rows, the noise does not show.
+    """
+    least = data.force == data.force.min()
+    if stiff is not None or data.is_static or least.all():
+        return np.ones(len(data), bool)
+    beside = np.append(False, least[:-1]) | np.append(least[1:], False)
+    return ~(least & beside)
 
 
 def _least_change(data: Measurement, stiff: float) -> float:

@@ -33,7 +33,7 @@ from fam_bundle_ros.discovery.search import Search
 #: Limit of a plausible shift, in widths of the prior. Geometry beyond it gives a warning; a
 #: constant of a law beyond it gives a refusal if structure is left.
 _TOLERANCES = 3.0
-#: Upper limit of the probability shown when there is a warning or a refusal.
+#: Upper limit of the probability shown when there is a warning, or structure is left.
 DOUBTED = 0.9
 
 
@@ -199,7 +199,7 @@ def shown_probability(finding: Finding, probability: float, named: bool) -> floa
     if (finding.refusals or finding.verdict == 'unexplained'
             or not named and is_enough(probability)):
         return min(probability, 0.5)
-    return min(probability, DOUBTED if finding.warnings or finding.slips else 1.0)
+    return min(probability, DOUBTED if finding.verdict == 'partial' else 1.0)
 
 
 def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],

@@ -59,6 +59,15 @@ def test_noise_with_a_memory_is_not_called_an_error(paper_muscle):
     assert result.to_dict()['noise_floor_N'] == pytest.approx(floor.value, rel=0.05)
 
 
+def test_a_load_cell_at_its_lower_limit_does_not_hide_the_noise(sweeps, paper_muscle):
+    """Two thirds of a log read zero, as the muscle is slack: the noise of the rest counts."""
+    data = sweeps(noise=0.6)
+    clipped = replace(data, force=np.maximum(data.force - np.percentile(data.force, 67), 0.0))
+    slack = paper_muscle.with_effect('tendon_slack')
+    assert compare(paper_muscle, clipped).noise.value == pytest.approx(0.6, rel=0.2)
+    assert compare(slack, clipped).noise.value == pytest.approx(0.6, rel=0.2)
+
+
 def test_rows_that_no_fit_uses_do_not_count_as_error(sweeps, paper_muscle):
     """Spikes, and rows at turning points: told apart, while the others are down to the noise."""
     data = sweeps(paper_muscle.with_effect('coulomb_friction', force=12.0), noise=0.3)
