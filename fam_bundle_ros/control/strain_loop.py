@@ -105,7 +105,8 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             # Delay after which a release of friction is detected.
             lag = command_lag(settings, dt) + dt + RATE_LAG
             due, quick = rate, max(stiffness / (_LAGS * lag), integral)
-            if not settings.load_known and not state.load.known:
+            searching = not settings.load_known and not state.load.known
+            if searching:
                 # The holding force is unknown, the load may rest on a stop: search for it, at
                 # least as fast as the stiffness that holds a usual load allows.
                 due += integral / max(stiffness, settings.stiffnesses[0]) * error
@@ -116,6 +117,9 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
             if settings.feed_forward and rate == 0.0 and abs(error) > settings.strain_reach:
                 # On the way to a step of the reference, which pressures do not reach at once.
                 left = error_left(error, _LAGS * lag * measurement.strain_rate)
+            if searching:
+                # A search for a far reference would lift a weight with too much force.
+                left = min(max(left, -settings.strain_reach), settings.strain_reach)
             integrate_error(state, integral * left * dt, saturated)
             # At a reversal of the reference, compensate for the change of friction.
             state.integral -= turn_round(state.friction, rate, quick_of(state.observer), state.lag,
