@@ -133,7 +133,8 @@ def begin_load(state: Any, strain: float, most: float, usual: float) -> None:
 
 
 def take_up(state: Any, strain: float, force: float) -> None:
-    """Set all filters to a reading: the first one, or one after a gap."""
+    """Set all filters to a reading at rest: the first one, one after a gap or before a motion."""
+    state.value[3] = 0.0
     for i in range(3):
         state.strains[i], state.forces[i], state.left[i] = strain, force, 1.0
     leave_place(state, 0.0, 0.0)
@@ -148,7 +149,7 @@ def leave_place(state: Any, rate: float, bend: float) -> None:
 
 def begin_motion(state: Any, force: float) -> None:
     """Restart the filters from rest at a force, any part of which (N) may end with the rest."""
-    state.resting, state.value[3] = False, 0.0
+    state.resting = False
     for i in range(4):
         state.covariance[i][3] = state.covariance[3][i] = 0.0
     state.covariance[3][3] = force ** 2
@@ -184,6 +185,7 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
         begin_load(state, strain, most, usual)
         take_up(state, strain, force)
     if dt > _LONG * time:
+        state.resting, state.rest = True, strain
         take_up(state, strain, force)
         return
     learn_noise(state.noise, strain, _USUAL, dt)
