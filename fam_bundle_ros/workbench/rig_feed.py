@@ -53,9 +53,13 @@ class Record:
 
     @property
     def tracking(self) -> float:
-        """Rms of reference minus measured over the last minute, or since the model changed."""
+        """Rms of reference minus measured over the last minute, or since model or rig changed."""
         count = sum(entry[2] for entry in self._tracking)
         return math.sqrt(sum(entry[1] for entry in self._tracking) / count) if count else math.nan
+
+    def forget_tracking(self) -> None:
+        """Start the tracking error anew: the simulated rig is another one from now on."""
+        self._tracking.clear()
 
     def take(self, record: dict[str, Any]) -> None:
         """Take a record of the feed."""

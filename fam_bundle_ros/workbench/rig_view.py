@@ -105,6 +105,7 @@ class RigView:
 
     async def _hide(self, effect: str) -> None:
         await self._order(set='hidden_effect', of='plant_simulator', value=effect)
+        self.rig.record.forget_tracking()
 
     async def _order(self, **order: Any) -> None:
         if self._due:  # ignore the second of two clicks, which would be refused

@@ -21,7 +21,7 @@ def sample(time, squares=0.4, kind='force', **more):
 
 
 def test_tracking_is_that_of_the_last_minute_and_begins_anew_with_a_model():
-    """Rms over a minute; another model, another kind of reference, a clock set back: from zero."""
+    """Rms over a minute; another model, rig, kind of reference, a clock set back: from zero."""
     record = Record()
     assert math.isnan(record.tracking)
     record.take({'kind': 'state', 'file': 'one.yaml'})
@@ -39,6 +39,8 @@ def test_tracking_is_that_of_the_last_minute_and_begins_anew_with_a_model():
     record.take(sample(10.0))
     assert len(record.samples) == 1
     assert record.tracking == pytest.approx(0.2)
+    record.forget_tracking()
+    assert math.isnan(record.tracking)
 
 
 def test_the_figure_has_what_was_heard_and_gaps_for_the_rest():
