@@ -30,7 +30,7 @@ from fam_bundle_ros.data.protocol import (
 from fam_bundle_ros.discovery import Choices, compare, diagnose
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Motion
-from fam_bundle_ros.nodes import interface
+from fam_bundle_ros.nodes import interface, measuring
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.measuring import measure, Measuring, Stopped, with_room
 from fam_bundle_ros.nodes.process import Spinner
@@ -47,7 +47,8 @@ def one_muscle(bundle, effect=None):
     return alone.with_effect(effect) if effect else alone
 
 
-def test_a_killed_experiment_goes_on_where_it_was(repository, domain_id, tmp_path, paper_bundle):
+def test_a_killed_experiment_goes_on_where_it_was(repository, domain_id, tmp_path, paper_bundle,
+                                                  monkeypatch):
     """SIGKILL after the first isobar: it stays as it was, the others follow, the model fits."""
     save_protocol(SHORT, tmp_path / 'short.yaml')
     command = [sys.executable, '-m', 'fam_bundle_ros.cli', 'measure', 'short.yaml', '--out',
@@ -67,6 +68,8 @@ def test_a_killed_experiment_goes_on_where_it_was(repository, domain_id, tmp_pat
     assert not (tmp_path / 'log.csv').exists()
     with pytest.raises(InputError, match='expected --resume'):
         measure(SHORT, tmp_path / 'log.csv', paper_bundle, domain=domain_id)
+    # the simulated rig runs as fast as it can: a sweep may end between two usual reports
+    monkeypatch.setattr(measuring, '_SLICE', 0.01)
     told = []
     measure(SHORT, tmp_path / 'log.csv', paper_bundle, resume=True, domain=domain_id,
             progress=lambda share, words: told.append((share, words)))
