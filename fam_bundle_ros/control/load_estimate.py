@@ -21,12 +21,13 @@ import math
 from typing import Any
 
 from fam_bundle_ros.control.observer import learn_noise, low_pass, noise_of, NoiseState
+from fam_bundle_ros.control.rate import USUAL_NOISE
 
 #: Strain step of one update: above the noise of filtered readings (1e-5 to 1e-4).
 STEP = 0.002
-#: A motion begins with a change of the strain above both: what noise may be whatever its estimate,
-#: and its standard deviation times this.
-_USUAL, _SURE = 1e-4, 4.0
+#: A motion begins with a change of the strain above `USUAL_NOISE`, and above this many standard
+#: deviations of its noise.
+_SURE = 4.0
 #: Longest duration of a step, in filter times; a longer one is discarded.
 _LONG = 10.0
 #: Time constant of the force at zero strain, in filter times. The strain loop's reaction returns
@@ -188,8 +189,8 @@ def learn_load(state: Any, strain: float, force: float, most: float, usual: floa
         state.resting, state.rest = True, strain
         take_up(state, strain, force)
         return
-    learn_noise(state.noise, strain, _USUAL, dt)
-    least = max(_SURE * noise_of(state.noise), _USUAL)
+    learn_noise(state.noise, strain, USUAL_NOISE, dt)
+    least = max(_SURE * noise_of(state.noise), USUAL_NOISE)
     if state.resting and abs(strain - state.rest) >= least:
         begin_motion(state, force)
     share, left = low_pass(dt, time), 0.0

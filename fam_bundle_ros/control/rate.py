@@ -39,7 +39,7 @@ _SHORT, _SURE = 0.02, 2.0
 #: Number of first readings without an estimate, as their noise is not known.
 FIRST = 10
 #: Least noise of a strain reading; change that may be noise, whatever the estimate.
-_LEAST, _USUAL = 1e-7, 1e-4
+_LEAST, USUAL_NOISE = 1e-7, 1e-4
 
 
 @dataclass
@@ -121,7 +121,7 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
     # Noise may start suddenly, as where a constant reading begins to toggle between two values.
     change = second_difference(state, strain)
     state.lately += low_pass(dt, _SHORTEST) * (change - state.lately)
-    learn_noise(state, strain, _USUAL, dt)
+    learn_noise(state, strain, USUAL_NOISE, dt)
     noise = max(noise_of(state), _LEAST)
     believe_window(state, strain, noise, dt)
     state.reading = strain

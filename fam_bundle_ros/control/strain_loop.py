@@ -104,13 +104,14 @@ def strain_loop(settings: Any, state: Any, measurement: Any, value: float, rate:
         if integral > 0.0:
             # Delay after which a release of friction is detected.
             lag = command_lag(settings, dt) + dt + RATE_LAG
-            due, quick = rate, max(stiffness / (_LAGS * lag), integral)
+            due, quick = rate, stiffness / (_LAGS * lag)
             searching = not settings.load_known and not state.load.known
             if searching:
                 # The holding force is unknown, the load may rest on a stop: search for it, at
                 # least as fast as the stiffness that holds a usual load allows.
                 due += integral / max(stiffness, settings.stiffnesses[0]) * error
                 quick = max(stiffness, _USUAL_WEIGHT * settings.most_stiffness) / lag
+            quick = max(quick, integral)
             integral += held_back(error, due, measurement.strain_rate) * (quick - integral)
             unwind(state, error, excess, saturated)
             left = error

@@ -358,6 +358,16 @@ def test_the_force_that_moves_a_load_not_told_is_searched_for_quickly(
         usual + quick * (asked - usual))
 
 
+def test_a_search_is_no_slower_than_an_integral_that_was_set(paper_bundle):
+    """A user's own gain of 1 MN/s."""
+    loop = Loop(paper_bundle, strain_integral=1e6)
+    for wanted in (0.1, 0.09):
+        held = loop.state.integral
+        outer_step(loop.settings, loop.state, MeasurementRecord(10.0, 0.1, 0.0, [10e3, 0.0]), 10.0,
+                   10.0, 4.0, STRAIN, wanted, 0.0, FREE, 0.0, 0.0, 0.0, DT)
+    assert (loop.state.integral - held) / (-0.01 * DT) == pytest.approx(1e6)
+
+
 @pytest.mark.parametrize(('rate', 'speed', 'share', 'config'), [
     (0.0, 0.0, 1.0, {}),    # the strain rests
     (0.0, -0.2, 0.6, {}),   # it makes up 0.008 of 0.02 before a response
