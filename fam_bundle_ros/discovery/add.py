@@ -22,7 +22,7 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
-from fam_bundle_ros.discovery import settings
+from fam_bundle_ros.discovery import empirical_surface, settings
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.compare import floor_of
 from fam_bundle_ros.discovery.estimates import Estimate, estimates, with_intervals
@@ -205,9 +205,10 @@ def _alone(search: Search, joint: Fit, data: Measurement) -> tuple[Fit, HeldOut,
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
               ) -> Recommended:
     """
-    Return physics with or without the discrepancy, whichever predicts held-out folds better.
+    Return physics alone or with a table: of the discrepancy, or to an `EmpiricalSurface`.
 
-    A discrepancy that is small compared with the noise of a row is not included.
+    Whichever predicts held-out folds best. A table whose forces, or whose effect on the error, are
+    small compared with the noise of a row is not included.
 
     Parameters
     ----------
@@ -217,13 +218,18 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
         Fitted without and with a discrepancy.
     """
     left = remaining_discrepancy(fitter.covariance, joint, physics).smooth
-    surface = (joint.hyper.fits_a_table and held.discrepancy < held.physics
-               and left > settings.VISIBLE * fitter.cells.noise)
-    leftover = Leftover.of(fitter, physics, joint.hyper) if surface else None
-    model = best.named(f'{best.name}_and_discrepancy') if surface else best
-    return Recommended(model, tuple(effect.name for effect in best.effects), leftover,
-                       held.best if surface else held.physics, held.physics, held.discrepancy,
-                       dict(held.rivals))
+    seen = settings.VISIBLE * fitter.cells.noise
+    kind, error, table, words = 'physics', held.physics, None, ''
+    if joint.hyper.fits_a_table and held.discrepancy < error and left > seen:
+        kind, error, words = 'discrepancy', held.discrepancy, '_and_discrepancy'
+        table = Leftover.of(fitter, physics, joint.hyper)
+    form = held.rivals.get(empirical_surface.NAME, np.inf)
+    if form < error and np.sqrt(error ** 2 - form ** 2) > seen:
+        kind, error, words = empirical_surface.NAME, form, '_to_empirical_surface'
+        table = Leftover.to_empirical(fitter, physics)
+    model = best.named(best.name + words) if words else best
+    return Recommended(model, tuple(effect.name for effect in best.effects), kind, table,
+                       error, held.physics, held.discrepancy, dict(held.rivals))
 
 
 def _best_shapes(search: Search, kept: set[str], asked: Sequence[str], open_: Sequence[str],

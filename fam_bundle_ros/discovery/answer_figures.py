@@ -52,13 +52,12 @@ def unseen(result: Diagnosis) -> go.Figure | None:
         drawing.add_trace(go.Scatter(
             x=ends, y=y, mode='lines', line={'color': _FAINT, 'width': 1.2}, showlegend=False,
             hoverinfo='skip'), row=row, col=1)
-    ours = 'physics' if result.recommended.leftover is None else 'discrepancy'
     for source, name, colour, symbol in (
             ('empirical', 'six-parameter form', plotting.MUTED, 'x-thin-open'),
-            (ours, 'recommended model', _MODEL, 'circle')):
+            (result.recommended.kind, 'recommended model', _MODEL, 'circle')):
         for kind, each in kinds.items():
             rows = thin(np.arange(len(each.measured)), MOST_POINTS // 6)
-            measured, predicted = each.measured[rows], getattr(each, source)[rows]
+            measured, predicted = each.measured[rows], each.predicted[source][rows]
             for row, values in ((1, predicted), (2, measured - predicted)):
                 drawing.add_trace(plotting.points(
                     np.round(measured, 3), np.round(values, 3), name, colour, 4.5, symbol,

@@ -19,7 +19,6 @@ from fam_bundle_ros.discovery.held_out import (
     held_out,
     held_out_physics,
     HeldOut,
-    splits,
     squares_of_folds,
 )
 from fam_bundle_ros.discovery.options import Change
@@ -151,27 +150,6 @@ def mean_square_distance(cells: Cells, models: list[Bundle], weights: np.ndarray
     strain = np.linspace(cells.strain.min(), cells.strain.max(), _POINTS)
     force = np.array([model.force(strain[:, None], pressure) for model in models])
     return np.array([np.mean((force - each) ** 2, axis=(1, 2)) @ weights for each in force])
-
-
-def predictive(search: Search, chosen: Fit, physics: Fit) -> Fit:
-    """
-    Return the set for predictions: the lowest cross-validation error among the probable sets.
-
-    It may have effects that are not part of the answer, and other shapes of those that are. Where
-    no structure is left in the residual, or the data offer no folds, it is ``physics``.
-
-    Parameters
-    ----------
-    chosen, physics : Fit
-        The answer, fitted with and without a discrepancy.
-    """
-    fitter = search.fitter
-    if not splits(fitter.cells) or not folds_tell(search, chosen, physics):
-        return physics
-    tried = [physics, *(fitter.without_discrepancy(fit)
-                        for fit in _near(search, search.best.posterior)
-                        if fit.names != chosen.names)]
-    return min(tried, key=lambda fit: held_out_physics(fitter, fit))
 
 
 def likelier_than_not(search: Search, chosen: Fit, found: list[Change],

@@ -29,7 +29,6 @@ from fam_bundle_ros.discovery.choice import (
     best_of_ties,
     drop_unpredictive,
     likelier_than_not,
-    predictive,
 )
 from fam_bundle_ros.discovery.compare import compare, Comparison, floor_of
 from fam_bundle_ros.discovery.estimates import confounding, estimates, with_intervals
@@ -113,14 +112,6 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     before, leftover = (Leftover.of(fitter, fit, beside.hyper)
                         for fit, beside in ((base, search.null), (final, joint)))
     recommended = recommend(best, final, joint, held, fitter)
-    other = predictive(search, chosen, physics) if finding.named else physics
-    if other is not physics:
-        beside = search.fits[other.names]
-        likewise = recommend(
-            _written(model, other, estimates(other, posterior)), other, beside,
-            held_out(fitter, other, beside).of_rows(beyond), fitter)
-        recommended = min(recommended, replace(likewise, others=True),
-                          key=lambda each: each.held_out_N)
     noise = floor_of(data, data.force - predict(best, data), stiffness(best, data))
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))

@@ -121,13 +121,13 @@ class Fitter:
     Attributes
     ----------
     covariance : Covariance
-    rival_errors : list of list of ndarray, N
-        For each fold the errors of each rival on its test cells. They are the same for all models
-        and computed once, by `held_out.held_out`.
+    rival_errors : dict of str to list of ndarray, N
+        Errors of each rival on the test cells of each fold. They are the same for all models and
+        computed once, by `held_out.held_out`.
     """
 
     covariance: Covariance
-    rival_errors: list[list[np.ndarray]] | None = None
+    rival_errors: dict[str, list[np.ndarray]] | None = None
 
     @property
     def cells(self) -> Cells:

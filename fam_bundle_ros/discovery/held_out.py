@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fam_bundle_ros.data.folds import fold_labels, KINDS
+from fam_bundle_ros.discovery import empirical_surface
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.fitter import Fit, Fitter, with_coordinates
@@ -29,15 +30,15 @@ class Unseen:
 
     Attributes
     ----------
-    measured, physics, discrepancy, empirical : ndarray, shape (k,), N
-        Mean measured force of the cell; prediction of the effects alone, of the effects with a
-        `Surface` of the residual, and of the six-parameter empirical form.
+    measured : ndarray, shape (k,), N
+        Mean force of the cell.
+    predicted : dict of str to ndarray, shape (k,), N
+        ``physics``: the effects alone; ``discrepancy``: with a `Surface` of the residual; and each
+        of the rivals.
     """
 
     measured: np.ndarray
-    physics: np.ndarray
-    discrepancy: np.ndarray
-    empirical: np.ndarray
+    predicted: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class HeldOut:
     discrepancy : float
         Effects with a surface of the residual.
     rivals : dict of str to float
-        ``mean``, ``plane``, ``empirical``.
+        ``mean``, ``plane``, ``empirical``; of a static map also ``empirical_surface``.
     kinds : dict of str to (float, float)
         ``physics`` and ``discrepancy`` for each kind of folds; empty if the data have no folds
         (the errors are then those of the fit).
@@ -162,7 +163,6 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         The same effects fitted with a discrepancy.
     """
     cells = fitter.cells
-    names = ('physics', 'discrepancy', *RIVALS, BLIND)
     squares: dict[str, np.ndarray] = {}
     counts: dict[str, float] = {}
     of_folds: list[float] = []
@@ -171,30 +171,43 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     hyper = Surface.best(fitter, physics.model, joint.hyper).hyper if needed else None
     every = list(folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
     if fitter.rival_errors is None:
-        fitter.rival_errors = [[rival_error(rival, cells, train, test) for rival in names[2:]]
-                               for _, train, test in every]
-    for (kind, train, test), of_rivals in zip(every, fitter.rival_errors):
+        fitter.rival_errors = _rival_errors(fitter, [fold[1:] for fold in every])
+    names = ('physics', 'discrepancy', *fitter.rival_errors)
+    for fold, (kind, train, test) in enumerate(every):
         weight = cells.count[test]
         u, residual, _ = fitter.refit_to(physics, train)
         alone = with_table = residual[test]
         if hyper is not None:
             model = with_coordinates(physics.model, physics.priors, u)
             with_table = alone - _on_a_table(fitter, model, hyper, train, test)
-        errors = dict(zip(names, [alone, with_table, *of_rivals]))
+        errors = np.stack([alone, with_table,
+                           *(rival[fold] for rival in fitter.rival_errors.values())])
         force = cells.force[test]
-        seen.setdefault(kind, []).append(np.stack([force, *(
-            force - errors[name] for name in ('physics', 'discrepancy', 'empirical'))]))
-        square = np.square(list(errors.values())) @ weight
+        seen.setdefault(kind, []).append(np.vstack([force, force - errors]))
+        square = np.square(errors) @ weight
         of_folds.append(square[0])
         squares[kind] = squares.get(kind, 0.0) + square
         counts[kind] = counts.get(kind, 0.0) + float(weight.sum())
     means = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
     kinds = [kind for kind in squares if kind]
+    whole = {kind: np.concatenate(seen[kind], axis=1) for kind in kinds}
+    blind = means.pop(BLIND)
     return HeldOut(
-        means['physics'], means['discrepancy'], {rival: means[rival] for rival in RIVALS},
+        means.pop('physics'), means.pop('discrepancy'), means,
         {kind: tuple(np.sqrt(squares[kind][:2] / counts[kind]).tolist()) for kind in kinds},
-        {kind: Unseen(*np.concatenate(seen[kind], axis=1)) for kind in kinds},
-        means[BLIND], np.array(of_folds) / sum(counts.values()))
+        {kind: Unseen(each[0], dict(zip(names, each[1:]))) for kind, each in whole.items()},
+        blind, np.array(of_folds) / sum(counts.values()))
+
+
+def _rival_errors(fitter: Fitter, folds: list[tuple[np.ndarray, np.ndarray]],
+                  ) -> dict[str, list[np.ndarray]]:
+    """Return the errors of each rival on the test cells of each fold, N."""
+    cells = fitter.cells
+    found = {rival: [rival_error(rival, cells, *fold) for fold in folds]
+             for rival in (*RIVALS, BLIND)}
+    if empirical_surface.is_of(cells):
+        found[empirical_surface.NAME] = empirical_surface.errors(fitter, folds)
+    return found
 
 
 def _on_a_table(fitter: Fitter, model: Bundle, hyper: Hyper, train: np.ndarray, test: np.ndarray,

@@ -10,7 +10,7 @@ direction of motion, for each motor unit; valid within the measured range.
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,10 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data.grouping import ONE_STRAIN
 from fam_bundle_ros.discovery.covariance import Hyper
+from fam_bundle_ros.discovery.empirical_surface import EmpiricalSurface
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.surface import PRESSURES, STRAINS, Surface
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Bundle, Motion
 
 #: Parts of the map: equal in both directions; while shortening; at rest after filling.
 PARTS = ('even', 'odd', 'filling')
@@ -84,6 +85,17 @@ class Leftover:
         none = np.zeros_like(odd)
         odd, filling = (none, odd) if rows.is_held else (odd, none)
         return cls(strain, pressure, even, odd, filling, sd, physics.model)
+
+    @classmethod
+    def to_empirical(cls, fitter: Fitter, physics: Fit) -> Leftover:
+        """Return what corrects the force of a fit to that of an `EmpiricalSurface`."""
+        none, right = cls.of(fitter, physics, Hyper()), EmpiricalSurface.of(fitter)
+        e, p = (grid.ravel() for grid in np.meshgrid(none.strain, none.pressure[0],
+                                                     indexing='ij'))
+        there = Motion(e, p[:, None], np.zeros(len(e)))
+        even = right.force(e, there.pressure) - physics.model.predict(there)
+        sd = right.surface.sd(e, there.pressure, 0)
+        return replace(none, even=even.reshape(none.even.shape), sd=sd.reshape(none.sd.shape))
 
     def write(self, path: Path) -> None:
         """

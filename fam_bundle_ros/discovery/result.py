@@ -13,6 +13,7 @@ import numpy as np
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import NoiseFloor
 from fam_bundle_ros.data.protocol import Protocol
+from fam_bundle_ros.discovery import empirical_surface
 from fam_bundle_ros.discovery.compare import Comparison
 from fam_bundle_ros.discovery.estimates import Estimate
 from fam_bundle_ros.discovery.held_out import HeldOut
@@ -25,6 +26,9 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
 
 VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
+#: Words for the table of each kind of `Recommended`.
+_TABLE = {'physics': '', 'discrepancy': ' with the discrepancy',
+          empirical_surface.NAME: ' corrected to an empirical surface, which predicts better'}
 
 
 @dataclass(frozen=True)
@@ -96,46 +100,43 @@ class Recommended(Told):
     """
     The model with the lowest error on held-out folds.
 
-    Its effects are those of the answer, or of a nearly as probable set that predicts better; the
-    evidence for some of them may be too weak to name them.
-
     Attributes
     ----------
     model : Bundle
         The physics, without ``leftover``.
     effects : tuple of str
         All effects of the model.
+    kind : str
+        ``physics``; ``discrepancy``: with a surface of its residual; ``empirical_surface``: with
+        the difference to the `EmpiricalSurface`, which predicts better than the effects.
     leftover : Leftover or None
-        The discrepancy to add to it.
+        The table to add to it.
     held_out_N, held_out_physics_N, held_out_discrepancy_N : float
         Held-out errors of the recommended model, of physics alone, and with the discrepancy.
     rivals_N : dict of str to float
-        Held-out errors of ``mean``, ``plane``, ``empirical``.
-    others : bool
-        Whether its effects are other ones than those of the answer.
+        Held-out errors of rivals, see `HeldOut`.
     """
 
     model: Bundle
     effects: tuple[str, ...]
+    kind: str
     leftover: Leftover | None
     held_out_N: float
     held_out_physics_N: float
     held_out_discrepancy_N: float
     rivals_N: dict[str, float]
-    others: bool = False
 
     def __str__(self) -> str:
-        rivals = self.rivals_N
-        what = ' for predictions, with other effects than those named' if self.others else ''
-        return (f"recommended{what}: physics ({', '.join(self.effects)})"
-                f"{' with the discrepancy' if self.leftover else ''}; "
+        rivals, form = self.rivals_N, self.rivals_N.get(empirical_surface.NAME)
+        return (f"recommended: physics ({', '.join(self.effects)}){_TABLE[self.kind]}; "
                 f'on held-out folds {self.held_out_physics_N:.3g} N without and '
                 f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; mean force '
                 f"{rivals['mean']:.3g} N, plane {rivals['plane']:.3g} N, six-parameter empirical "
-                f"form {rivals['empirical']:.3g} N")
+                f"form {rivals['empirical']:.3g} N"
+                f"{'' if form is None else f', with a surface of its residual {form:.3g} N'}")
 
     def save(self, path: str | Path) -> tuple[Path, ...]:
-        """Write the model file, and the table of its discrepancy beside it; return both."""
+        """Write the model file, and its table beside it; return the paths."""
         from fam_bundle_ros.model import catalogue, save_model
         path = Path(path)
         if self.leftover is None:
@@ -145,12 +146,12 @@ class Recommended(Told):
         self.leftover.write(table)
         effect = catalogue.get('discrepancy_surface')(table=table.name, folder=path.parent)
         whole = self.model.with_effect(effect)
-        save_model(whole.named(whole.name, error=self.held_out_discrepancy_N), path)
+        save_model(whole.named(whole.name, error=self.held_out_N), path)
         return path, table
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as the JSON has it."""
-        return {'effects': list(self.effects), 'others': self.others,
+        return {'effects': list(self.effects), 'kind': self.kind,
                 'discrepancy': self.leftover is not None,
                 'held_out_N': self.held_out_N, 'held_out_physics_N': self.held_out_physics_N,
                 'held_out_discrepancy_N': self.held_out_discrepancy_N,

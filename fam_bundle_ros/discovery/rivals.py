@@ -98,10 +98,7 @@ def rival_error(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -
     """
     weight, pressure = cells.count[train], cells.pressure
     if not cells.one_force:
-        form = RIVALS.get(rival, strain_alone)
-        predict = form(cells.strain[train], pressure[train], cells.force[train], weight)
-        return cells.force[test] - _within(cells.force, predict(cells.strain[test],
-                                                                pressure[test]))
+        return cells.force[test] - fitted(rival, cells, train)(cells.strain[test], pressure[test])
     assert cells.stiffness is not None
     degree = {'mean': 0, 'plane': 1, 'empirical': 3, BLIND: 0}[rival]
     scale = np.maximum(np.abs(pressure).max(axis=0), 1.0)
@@ -112,6 +109,13 @@ def rival_error(rival: str, cells: Cells, train: np.ndarray, test: np.ndarray) -
     predict = _linear(columns, cells.strain[train], pressure[train], cells.strain[train], weight)
     found = _within(cells.strain, predict(cells.strain[test], pressure[test]))
     return cells.stiffness[test] * (found - cells.strain[test])
+
+
+def fitted(rival: str, cells: Cells, train: np.ndarray) -> Prediction:
+    """Return a rival, a key of `RIVALS` or `BLIND`, of training cells: within measured forces."""
+    form = RIVALS.get(rival, strain_alone)(cells.strain[train], cells.pressure[train],
+                                           cells.force[train], cells.count[train])
+    return lambda e, p: _within(cells.force, form(e, p))
 
 
 def _within(data: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -10,22 +10,30 @@ visits to the same place are averaged; this gives enough rows for places of 1/60
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.discovery.cells import Cells, places
-from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.linear import Linear
 from fam_bundle_ros.discovery.log_rows import averages
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Motion
 from fam_bundle_ros.model.laws.discrepancy import DEAD, ROUNDING
 from fam_bundle_ros.model.vocabulary import bound, dahl
 
 #: Points of the table over strain and pressure, enough for a length scale of 0.06 of the range.
 STRAINS, PRESSURES = 41, 25
+
+
+class Predicts(Protocol):
+    """What predicts the force of a motion, (T,), N: a `Bundle`, or a form without physics."""
+
+    def predict(self, motion: Motion) -> np.ndarray:
+        """Return the force of each row, (T,), N."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +57,7 @@ class Surface:
     weights: np.ndarray
 
     @classmethod
-    def of(cls, fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | None = None,
+    def of(cls, fitter: Fitter, model: Predicts, hyper: Hyper, used: np.ndarray | None = None,
            ) -> Surface:
         """
         Return the surface of a model's residual, with given hyperparameters.
@@ -66,16 +74,17 @@ class Surface:
                    solve_triangular(lower, half, lower=True, trans=1))
 
     @classmethod
-    def best(cls, fitter: Fitter, model: Bundle, needed: Hyper) -> Surface:
+    def best(cls, fitter: Fitter, model: Predicts, needed: Hyper) -> Surface:
         """
         Return the surface of a model's residual, with the most probable hyperparameters.
 
         Parameters
         ----------
         needed : Hyper
-            Of the joint fit with a discrepancy: one of the two starts of the search. An even part
-            of amplitude zero stays zero, and so does the odd part of one that is the same in both
-            directions: a part that depends on the speed is odd.
+            Of the joint fit with a discrepancy: one of the starts of the search, beside a small
+            amplitude with each length scale of the strain. An even part of amplitude zero stays
+            zero, and so does the odd part of one that is the same in both directions: a part that
+            depends on the speed is odd.
         """
         covariance = _covariance(fitter, model, needed, None)
         there = covariance.cells
@@ -83,9 +92,10 @@ class Surface:
         none = tuple(axis for axis, there in (('even', needed.even), ('odd', needed.both_ways))
                      if not there)
         small = local.first_hyper()._replace(**dict.fromkeys(none, 0))
+        starts = [needed._replace(slow=0, speed=0),
+                  *(small._replace(strain=place) for place in range(GRID.strain))]
         at = Linear.of((), np.zeros(0), there.force, np.zeros((len(there), 0)))
-        found = [local.best_hyper(h, at, fixed=none)
-                 for h in (needed._replace(slow=0, speed=0), small)]
+        found = [local.best_hyper(h, at, fixed=none) for h in starts]
         return cls.of(fitter, model, max(found, key=lambda each: each[1])[0])
 
     def parts(self, strain: np.ndarray, pressure: np.ndarray, unit: int | None = None,
@@ -133,7 +143,7 @@ def way_of(cells: Cells) -> np.ndarray:
     return (1.0 - np.abs(moving)) * way
 
 
-def _covariance(fitter: Fitter, model: Bundle, hyper: Hyper, used: np.ndarray | None,
+def _covariance(fitter: Fitter, model: Predicts, hyper: Hyper, used: np.ndarray | None,
                 ) -> Covariance:
     """Return the covariance of a model's residual, averaged over all visits to each place."""
     cells = fitter.cells

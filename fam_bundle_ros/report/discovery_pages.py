@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.data.folds import KINDS
-from fam_bundle_ros.discovery import answer_figures, Comparison, Diagnosis, figures, Ladder
+from fam_bundle_ros.discovery import (
+    answer_figures,
+    Comparison,
+    Diagnosis,
+    empirical_surface,
+    figures,
+    Ladder,
+)
 from fam_bundle_ros.discovery.templates import SHARE
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
@@ -18,6 +25,10 @@ from fam_bundle_ros.report.page import Headline, Page, Picture, provenance, Sect
 from fam_bundle_ros.told import number, shown
 
 Files = Sequence[tuple[str, str | Path]]
+#: Words for each kind of recommended model.
+_KINDS = {'physics': 'effects alone', 'discrepancy': 'effects with the discrepancy',
+          empirical_surface.NAME: 'effects corrected to the empirical form and a surface of its '
+                                  'residual'}
 #: Definition of the ladder's held-out error, for every caption.
 HELD_OUT = ('Held out: each block of rows (isobar, trial or interval of time) is predicted by a '
             'fit to the other blocks.')
@@ -217,10 +228,10 @@ def _unseen_section(result: Diagnosis) -> list[Section]:
     if drawing is None:
         return []
     found, rivals = result.recommended, result.held_out.rivals
-    kind = 'effects with the discrepancy' if found.leftover else 'effects alone'
+    smooth = rivals.get(empirical_surface.NAME)
     return [Section(
         'On held-out rows', 'Whole blocks are held out in turn. The recommended model '
-        f'({kind}) has an error of {number(found.held_out_N)} N rms on them.', [
+        f'({_KINDS[found.kind]}) has an error of {number(found.held_out_N)} N rms on them.', [
             Picture('unseen', 'Predicted and measured on held-out rows', drawing,
                     'Each point is the mean of neighbouring rows in a held-out block. On the '
                     'line, prediction and measurement are equal. Below: measured minus '
@@ -229,6 +240,7 @@ def _unseen_section(result: Diagnosis) -> list[Section]:
                 ('effects alone', found.held_out_physics_N),
                 ('effects with the discrepancy', found.held_out_discrepancy_N),
                 ('six-parameter empirical form (after Sarosi 2015)', rivals['empirical']),
+                *([('the form with a surface of its residual', smooth)] if smooth else []),
                 ('plane in strain and pressure', rivals['plane']),
                 ('mean force', rivals['mean'])]),
             Table(('held out', 'effects alone (N)', 'with the discrepancy (N)'),

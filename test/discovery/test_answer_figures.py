@@ -11,6 +11,7 @@ import pytest
 
 from fam_bundle_ros.discovery import answer_figures, Choices, diagnose
 from fam_bundle_ros.discovery.answer_figures import _beside
+from fam_bundle_ros.discovery.held_out import Unseen
 from fam_bundle_ros.discovery.options import Change
 from fam_bundle_ros.discovery.posterior import LikelySet
 from fam_bundle_ros.report.discovery_pages import diagnosis_page
@@ -38,13 +39,13 @@ def test_forces_not_seen_are_off_by_what_the_folds_say(found):
     held = found.held_out
     assert set(held.unseen) == set(held.kinds) == {'trial', 'isobar', 'strain'}
     for kind, each in held.unseen.items():
-        for predicted, error in zip((each.physics, each.discrepancy), held.kinds[kind]):
+        for predicted, error in zip((each.predicted['physics'], each.predicted['discrepancy']),
+                                    held.kinds[kind]):
             assert np.sqrt(np.mean((each.measured - predicted) ** 2)) == pytest.approx(error)
     drawing = answer_figures.unseen(found)
     shown = [t for t in drawing.data if t.name == 'recommended model' and t.yaxis == 'y2']
     off = np.concatenate([trace.y for trace in shown])
-    ours = 'discrepancy' if found.recommended.leftover else 'physics'
-    missed = np.concatenate([each.measured - getattr(each, ours)
+    missed = np.concatenate([each.measured - each.predicted[found.recommended.kind]
                              for each in held.unseen.values()])
     np.testing.assert_allclose(off, missed, atol=1e-3)
     rival = np.concatenate([t.y for t in drawing.data
@@ -57,7 +58,7 @@ def test_forces_not_seen_are_nearer_to_the_truth_than_the_measurement(found, rec
     truth = dict(zip(record(0.6).force, record(0.0).force))
     each = found.held_out.unseen['isobar']
     true = np.array([truth[force] for force in each.measured])
-    assert np.std(each.physics - true) < 0.6 * np.std(each.measured - true)
+    assert np.std(each.predicted['physics'] - true) < 0.6 * np.std(each.measured - true)
 
 
 def test_the_friction_is_in_the_discrepancy_before_and_not_after(found):
@@ -216,10 +217,12 @@ def test_parameters_are_drawn_in_widths_of_their_priors_up_to_the_edge():
 def test_unseen_forces_are_held_against_the_measured_ones():
     """Predicted over measured, and what is missed below, of both models and each kind of folds."""
     rng = np.random.default_rng(0)
-    kinds = {kind: SimpleNamespace(**{name: rng.normal(size=20).round(3) for name in (
-        'measured', 'physics', 'discrepancy', 'empirical')}) for kind in ('trial', 'isobar')}
+    kinds = {kind: Unseen(rng.normal(size=20).round(3), {
+        name: rng.normal(size=20).round(3)
+        for name in ('physics', 'discrepancy', 'empirical', 'empirical_surface')})
+        for kind in ('trial', 'isobar')}
     result = SimpleNamespace(held_out=SimpleNamespace(unseen=kinds),
-                             recommended=SimpleNamespace(leftover=None))
+                             recommended=SimpleNamespace(kind='physics'))
     drawing = answer_figures.unseen(result)
     line, zero, *points = drawing.data
     every = np.concatenate([each.measured for each in kinds.values()])
@@ -227,7 +230,7 @@ def test_unseen_forces_are_held_against_the_measured_ones():
     assert list(zero.y) == [0.0, 0.0]
     expected = [(each.measured, predicted, name) for name, source in (
         ('six-parameter form', 'empirical'), ('recommended model', 'physics'))
-        for each in kinds.values() for predicted in (getattr(each, source),)]
+        for each in kinds.values() for predicted in (each.predicted[source],)]
     for (measured, predicted, name), above, below in zip(expected, points[::2], points[1::2]):
         assert above.name == below.name == name
         np.testing.assert_allclose(above.x, measured)
@@ -237,7 +240,8 @@ def test_unseen_forces_are_held_against_the_measured_ones():
         'six-parameter form', 'recommended model']
     assert (drawing.layout.yaxis.title.text, drawing.layout.yaxis2.title.text,
             drawing.layout.xaxis2.title.text) == ('predicted (N)', 'residual (N)', 'measured (N)')
-    result.recommended.leftover = 'table'
-    np.testing.assert_allclose(answer_figures.unseen(result).data[6].y,
-                               kinds['trial'].discrepancy)
+    for kind in ('discrepancy', 'empirical_surface'):
+        result.recommended.kind = kind
+        np.testing.assert_allclose(answer_figures.unseen(result).data[6].y,
+                                   kinds['trial'].predicted[kind])
     assert answer_figures.unseen(SimpleNamespace(held_out=SimpleNamespace(unseen={}))) is None

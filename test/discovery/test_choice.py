@@ -16,10 +16,9 @@ from fam_bundle_ros.discovery.choice import (
     likelier_than_not,
     mean_square_distance,
     plainest,
-    predictive,
     within_standard_error,
 )
-from fam_bundle_ros.discovery.held_out import held_out_physics, squares_of_folds
+from fam_bundle_ros.discovery.held_out import squares_of_folds
 from fam_bundle_ros.discovery.options import Options, usual
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
@@ -101,19 +100,6 @@ def test_a_shape_that_is_far_from_all_others_between_the_strains_is_not_chosen(s
     squares = [squares_of_folds(search.fitter, search.fitter.without_discrepancy(each))
                for each in (fit, chosen)]
     assert within_standard_error(squares[0], squares[1])
-
-
-def test_the_set_to_predict_with_is_the_best_on_folds_of_those_as_probable(search):
-    """Whatever was chosen: of sets within the odds of the best none does better on isobars."""
-    fitter, choices = search.fitter, Choices()
-    null = fitter.without_discrepancy(search.null)
-    found = predictive(search, search.null, null)
-    near = [fit for fit in search.fits.values()
-            if fit.posterior > search.best.posterior - np.log(choices.odds)]
-    assert found.names in {fit.names for fit in near}
-    errors = [held_out_physics(fitter, fitter.without_discrepancy(fit)) for fit in near]
-    assert len(errors) > 3
-    assert held_out_physics(fitter, found) == pytest.approx(min(errors))
 
 
 @pytest.mark.parametrize('unit', [1e-4, 1.0, 1e4])

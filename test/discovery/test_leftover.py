@@ -135,7 +135,8 @@ def test_a_written_discrepancy_makes_the_model_meet_the_data(sweeps, paper_muscl
     data = sweeps(extra=lambda e, p, way, t: 8.0 * np.sin(20 * e) * p / 4e5 + 2.0 * way)
     fitter, joint, physics = fitted(paper_muscle, data)
     left = Leftover.of(fitter, physics, joint.hyper)
-    Recommended(physics.model, (), left, 0.7, 2.5, 0.7, {}).save(tmp_path / 'model.yaml')
+    found = Recommended(physics.model, (), 'discrepancy', left, 0.7, 2.5, 0.7, {})
+    found.save(tmp_path / 'model.yaml')
     again = load_model(tmp_path / 'model.yaml')
     assert again.error == 0.7  # with the table, on data left out, not that of the physics
     motion = Motion(data.strain, data.pressure, data.strain_rate, data.time, data.start)
