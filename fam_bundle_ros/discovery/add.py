@@ -224,7 +224,7 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
         kind, error, words = 'discrepancy', held.discrepancy, '_and_discrepancy'
         table = Leftover.of(fitter, physics, joint.hyper)
     form = held.rivals.get(empirical_surface.NAME, np.inf)
-    if form < error and np.sqrt(error ** 2 - form ** 2) > seen:
+    if error ** 2 - form ** 2 > seen ** 2:
         kind, error, words = empirical_surface.NAME, form, '_to_empirical_surface'
         table = Leftover.to_empirical(fitter, physics)
     model = best.named(best.name + words) if words else best

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.covariance import Hyper
+from fam_bundle_ros.discovery.covariance import GRID, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.rivals import fitted, Prediction
 from fam_bundle_ros.discovery.surface import Surface
@@ -57,7 +57,9 @@ class EmpiricalSurface:
         form = fitted('empirical', cells, np.ones(len(cells), bool) if used is None else used)
         residual = _Residual(form)
         if hyper is None:
-            hyper = Surface.best(fitter, residual, fitter.first_hyper()).hyper
+            first = fitter.first_hyper()
+            hyper = Surface.best(fitter, residual, first, *(
+                first._replace(strain=place) for place in range(GRID.strain))).hyper
         return cls(form, Surface.of(fitter, residual, hyper, used))
 
     def force(self, strain: np.ndarray, pressure: np.ndarray) -> np.ndarray:

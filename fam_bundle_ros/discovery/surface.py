@@ -17,7 +17,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from fam_bundle_ros.data.grouping import varying_unit
 from fam_bundle_ros.discovery.cells import Cells, places
-from fam_bundle_ros.discovery.covariance import Covariance, GRID, Hyper
+from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.linear import Linear
 from fam_bundle_ros.discovery.log_rows import averages
@@ -74,17 +74,18 @@ class Surface:
                    solve_triangular(lower, half, lower=True, trans=1))
 
     @classmethod
-    def best(cls, fitter: Fitter, model: Predicts, needed: Hyper) -> Surface:
+    def best(cls, fitter: Fitter, model: Predicts, needed: Hyper, *others: Hyper) -> Surface:
         """
         Return the surface of a model's residual, with the most probable hyperparameters.
 
         Parameters
         ----------
         needed : Hyper
-            Of the joint fit with a discrepancy: one of the starts of the search, beside a small
-            amplitude with each length scale of the strain. An even part of amplitude zero stays
-            zero, and so does the odd part of one that is the same in both directions: a part that
-            depends on the speed is odd.
+            Of the joint fit with a discrepancy: a start of the search, beside a small amplitude.
+            An even part of amplitude zero stays zero, and so does the odd part of one that is the
+            same in both directions: a part that depends on the speed is odd.
+        *others : Hyper
+            Other starts.
         """
         covariance = _covariance(fitter, model, needed, None)
         there = covariance.cells
@@ -92,10 +93,9 @@ class Surface:
         none = tuple(axis for axis, there in (('even', needed.even), ('odd', needed.both_ways))
                      if not there)
         small = local.first_hyper()._replace(**dict.fromkeys(none, 0))
-        starts = [needed._replace(slow=0, speed=0),
-                  *(small._replace(strain=place) for place in range(GRID.strain))]
         at = Linear.of((), np.zeros(0), there.force, np.zeros((len(there), 0)))
-        found = [local.best_hyper(h, at, fixed=none) for h in starts]
+        found = [local.best_hyper(h, at, fixed=none)
+                 for h in (needed._replace(slow=0, speed=0), small, *others)]
         return cls.of(fitter, model, max(found, key=lambda each: each[1])[0])
 
     def parts(self, strain: np.ndarray, pressure: np.ndarray, unit: int | None = None,

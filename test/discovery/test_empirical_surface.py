@@ -103,6 +103,7 @@ def test_a_model_that_predicts_worse_is_corrected_to_it(paper_muscle, tmp_path, 
     found = recommend(physics.model, physics, joint, held, fitter)
     assert found.kind == empirical_surface.NAME
     assert found.held_out_N == held.rivals[empirical_surface.NAME] < 0.7 * held.best
+    assert 0.2 < found.leftover.sd.min() < found.leftover.sd.max() < 1.0
     found.save(tmp_path / 'model.yaml')
     unseen = static_map(noise=0.0, strains=14)
     written = load_model(tmp_path / 'model.yaml')
