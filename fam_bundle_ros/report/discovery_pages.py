@@ -104,8 +104,8 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
 
 
 def _sentence(text: str) -> str:
-    """Return a phrase as a sentence; an effect's name at the start is not capitalised."""
-    named = '_' in text.partition(' ')[0]
+    """Return a phrase as a sentence; a name of an effect or unit is not capitalised."""
+    named = not text.partition(' ')[0].isalpha()
     return f'{text}.' if named else f'{text[:1].upper()}{text[1:]}.'
 
 
@@ -156,7 +156,7 @@ def _parameters_section(result: Diagnosis) -> Section:
     table = Table(('parameter', 'value', 'unit', '95 % from', 'to', 'tolerances moved', 'note'),
                   [(e.key, e.value, e.unit, *e.interval, e.tolerances, e.flag)
                    for e in result.parameters])
-    return Section('Parameters', '\n\n'.join(result.notes), [
+    return Section('Parameters', '\n\n'.join(map(_sentence, result.notes)), [
         *([table] if result.parameters else []),
         *_if_drawn(
             'priors', 'Each parameter before and after the data', answer_figures.priors(result),
