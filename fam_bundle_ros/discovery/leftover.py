@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fam_bundle_ros.atomic import whole
-from fam_bundle_ros.data.grouping import ONE_STRAIN
+from fam_bundle_ros.data.grouping import ONE_STRAIN, pressure_levels
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.empirical_surface import EmpiricalSurface
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
@@ -90,12 +90,16 @@ class Leftover:
     def to_empirical(cls, fitter: Fitter, physics: Fit) -> Leftover:
         """Return what corrects the force of a fit to that of an `EmpiricalSurface`."""
         none, right = cls.of(fitter, physics, Hyper()), EmpiricalSurface.of(fitter)
-        e, p = (grid.ravel() for grid in np.meshgrid(none.strain, none.pressure[0],
-                                                     indexing='ij'))
+        # the physics may bend sharply where the form does not: exact at the measured strains
+        _, levels = pressure_levels(fitter.cells.data.strain, STRAINS)
+        strain = np.unique(np.round(np.concatenate([none.strain, levels]), 6))
+        e, p = (grid.ravel() for grid in np.meshgrid(strain, none.pressure[0], indexing='ij'))
         there = Motion(e, p[:, None], np.zeros(len(e)))
         even = right.force(e, there.pressure) - physics.model.predict(there)
-        sd = right.surface.sd(e, there.pressure, 0)
-        return replace(none, even=even.reshape(none.even.shape), sd=sd.reshape(none.sd.shape))
+        even, sd = np.reshape([even, right.surface.sd(e, there.pressure, 0)],
+                              (2, 1, len(strain), PRESSURES))
+        zero = np.zeros_like(even)
+        return replace(none, strain=strain, even=even, odd=zero, filling=zero, sd=sd)
 
     def write(self, path: Path) -> None:
         """

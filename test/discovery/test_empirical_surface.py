@@ -15,6 +15,7 @@ from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.empirical_surface import EmpiricalSurface
 from fam_bundle_ros.discovery.held_out import folds, held_out
+from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.search import Search
@@ -99,7 +100,7 @@ def test_it_is_among_the_rivals_of_a_static_map_of_one_muscle_only(wrong, paper_
 def test_a_model_that_predicts_worse_is_corrected_to_it(paper_muscle, tmp_path, name):
     """The file that is written has the force of form and surface, whatever its gauges read."""
     model = paper_muscle.with_effect(name) if name else paper_muscle
-    fitter, joint, physics, held = fitted(model, static_map())
+    fitter, joint, physics, held = fitted(model, static_map(strains=8))
     found = recommend(physics.model, physics, joint, held, fitter)
     assert found.kind == empirical_surface.NAME
     assert found.held_out_N == held.rivals[empirical_surface.NAME] < 0.7 * held.best
@@ -110,6 +111,23 @@ def test_a_model_that_predicts_worse_is_corrected_to_it(paper_muscle, tmp_path, 
     right = EmpiricalSurface.of(fitter).force(unseen.strain, unseen.pressure)
     np.testing.assert_allclose(predict(written, unseen), right, atol=0.5)
     assert rms(predict(written, unseen) - unseen.force) < 1.0
+
+
+def test_the_correction_is_exact_at_the_measured_strains(paper_muscle):
+    """Also where the physics bends within one step of the table, as a stiff sheath does."""
+    model = paper_muscle.with_effect('saturating_sheath', size=200.0, width=2e-3)
+    data = static_map(strains=8)
+    search = Search(Options(model, reduce(model, data), Choices()))
+    physics = search.fitter.without_discrepancy(search.fit(search.options.own))
+    table = Leftover.to_empirical(search.fitter, physics)
+    right = EmpiricalSurface.of(search.fitter)
+    bends = physics.model.force(np.array([0.0, 0.005]), np.full((2, 1), 1e5))
+    assert bends[0] - bends[1] > 20.0
+    assert set(np.unique(data.strain).round(6)) <= set(table.strain)
+    middle = len(table.pressure[0]) // 2
+    pressure = np.full((len(table.strain), 1), table.pressure[0, middle])
+    total = physics.model.force(table.strain, pressure) + table.even[0, :, middle]
+    np.testing.assert_allclose(total, right.force(table.strain, pressure))
 
 
 def test_physics_that_predicts_as_well_is_not_corrected(wrong, paper_muscle):
