@@ -223,7 +223,8 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
     if joint.hyper.fits_a_table and held.discrepancy < error and left > seen:
         kind, error, words = 'discrepancy', held.discrepancy, '_and_discrepancy'
         table = Leftover.of(fitter, physics, joint.hyper)
-    form = held.rivals.get(empirical_surface.NAME, np.inf)
+    # without folds the errors are those of the fit, where a surface is always better
+    form = held.rivals.get(empirical_surface.NAME, np.inf) if held.kinds else np.inf
     if error ** 2 - form ** 2 > seen ** 2:
         kind, error, words = empirical_surface.NAME, form, '_to_empirical_surface'
         table = Leftover.to_empirical(fitter, physics)

@@ -57,7 +57,7 @@ class EmpiricalSurface:
         form = fitted('empirical', cells, np.ones(len(cells), bool) if used is None else used)
         residual = _Residual(form)
         if hyper is None:
-            first = fitter.first_hyper()
+            first = fitter.first_hyper()._replace(odd=0)
             hyper = Surface.best(fitter, residual, first, *(
                 first._replace(strain=place) for place in range(GRID.strain))).hyper
         return cls(form, Surface.of(fitter, residual, hyper, used))

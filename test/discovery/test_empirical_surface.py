@@ -140,5 +140,6 @@ def test_physics_that_predicts_as_well_is_not_corrected(wrong, paper_muscle):
         found = recommend(paper_muscle, physics, joint, near, fitter)
         assert (found.kind == empirical_surface.NAME) == corrected
         assert (found.leftover is None) != corrected
-    better = replace(held, physics=0.5 * form, discrepancy=np.inf)
-    assert recommend(paper_muscle, physics, joint, better, fitter).kind == 'physics'
+    for other in (replace(held, physics=0.5 * form, discrepancy=np.inf),
+                  replace(held, discrepancy=np.inf, kinds={})):  # errors of the fit: no folds
+        assert recommend(paper_muscle, physics, joint, other, fitter).kind == 'physics'
