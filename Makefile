@@ -30,8 +30,10 @@ demo: install  ## run the whole story on simulated hardware and write report/
 	@$(BIN)/fam_bundle demo
 
 # A file goes to one worker, which makes its fixtures once: a browser, a cluster, a benchmark. In the
-# order of test/conftest.py, which begins with the longest files.
-test: install  ## run all tests (JOBS=2 in parallel)
+# order of test/conftest.py, which begins with the longest files. On two cores there is room for a
+# third worker, while tests wait for a rig or a browser.
+test: JOBS = 3
+test: install  ## run all tests (JOBS=3 in parallel)
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-plain: install  ## run the tests of model, plant and control without numba

@@ -45,12 +45,8 @@ def variables(**values: str) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def own_stdout(mode: str = 'w') -> IO:
-    """
-    Return standard output for messages; redirect later prints of libraries to standard error.
-
-    ``mode`` is ``w`` for text that is written line by line, ``wb`` for bytes.
-    """
-    out = os.fdopen(os.dup(sys.stdout.fileno()), mode, buffering=1 if mode == 'w' else -1)
+def own_stdout() -> IO[str]:
+    """Return standard output for lines; redirect later prints of libraries to standard error."""
+    out = os.fdopen(os.dup(sys.stdout.fileno()), 'w', buffering=1)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return out

@@ -225,10 +225,6 @@ class ClosedLoop:
         progress : callable, optional
             Called regularly with the simulated time, s.
 
-        Returns
-        -------
-        Log
-
         Raises
         ------
         InputError
@@ -246,11 +242,6 @@ class ClosedLoop:
 class Run:
     """
     One run of a `ClosedLoop` that can be advanced in steps.
-
-    Parameters
-    ----------
-    loop : ClosedLoop
-    trajectory : Trajectory
 
     Attributes
     ----------

@@ -15,9 +15,9 @@ from fam_bundle_ros.errors import InputError, system_errors
 OWN_WAYS = {
     'atomic.py': 'the one way', 'mcapfile.py': 'a bag grows, whole after every flush',
     'model/source.py': 'cache, beside and renamed', 'workbench/intake.py': 'scratch file',
-    'workbench/worker.py': 'a pipe', 'nodes/fault_processes.py': 'scratch file',
-    'discovery/worker.py': 'a pipe', 'nodes/live_feed.py': 'a pipe',
-    'benchmarks/speed_studies.py': 'scratch files',
+    'nodes/fault_processes.py': 'scratch file', 'discovery/worker.py': 'a pipe',
+    'nodes/live_feed.py': 'a pipe', 'benchmarks/speed_studies.py': 'scratch files',
+    'processes.py': 'standard output',
 }
 
 

@@ -22,9 +22,6 @@ from fam_bundle_ros.cli.common import (
     wrote,
 )
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.resources import config_path
-
-_MODEL = 'models/spie2021_plain.yaml'
 
 
 def benchmark_faults(
@@ -87,9 +84,9 @@ def benchmark_faults(
 def run_case(case: Any) -> dict[str, Any]:
     """Run a case through the nodes and judge it; called in worker processes."""
     from fam_bundle_ros.benchmarks import fault_verdicts, faults
-    from fam_bundle_ros.model import load_model
+    from fam_bundle_ros.benchmarks.plants import paper_bundle
     from fam_bundle_ros.nodes.fault_run import run_with_faults
-    model, rig = load_model(config_path(_MODEL)), faults.rig_of(case)
+    model, rig = paper_bundle(2), faults.rig_of(case)
     record = run_with_faults(
         model, faults.trajectory_of(case, model), rig,
         {**faults.node_parameters(case), 'publish_clock': False}, enable_at=case.enable_at,
@@ -122,8 +119,8 @@ def _run_cases(cases: list[Any], workers: int | None, scheduler: str | None,
 def _result_of(cases: list[Any], rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return conditions, a line for each fault (worst first) and all rows."""
     from fam_bundle_ros.benchmarks import fault_verdicts, faults
-    from fam_bundle_ros.model import load_model
-    limits = fault_verdicts.Limits.of(load_model(config_path(_MODEL)), faults.rig_of(cases[0]))
+    from fam_bundle_ros.benchmarks.plants import paper_bundle
+    limits = fault_verdicts.Limits.of(paper_bundle(2), faults.rig_of(cases[0]))
     lines = fault_verdicts.summarise(rows)
     return {
         'conditions': {

@@ -100,10 +100,6 @@ def noise_floor(measurement: Measurement, residual: np.ndarray | None = None) ->
     measurement : Measurement
     residual : ndarray, shape (T,), N, optional
         Measured minus modelled force; by default the force itself (then slopes remain).
-
-    Returns
-    -------
-    NoiseFloor
     """
     values = measurement.force if residual is None else residual
     if not measurement.is_static:

@@ -259,10 +259,6 @@ class Rig:
             -1 exhaust .. 0 closed .. +1 fill; clipped. Not used while the rig is stopped.
         duration : float, s
 
-        Returns
-        -------
-        Readings
-
         Raises
         ------
         InputError

@@ -4,13 +4,16 @@
 
 import asyncio
 from collections.abc import Callable
-import pickle
-import sys
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any
 
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.processes import environment
-from fam_bundle_ros.workbench.worker import LENGTH
+from fam_bundle_ros.processes import on_one_core
+
+_SPAWN = get_context('spawn')
+#: Time between two looks for messages of the process, s.
+_PERIOD = 0.05
 
 
 class Cancelled(Exception):
@@ -29,8 +32,9 @@ class Job:
     """
 
     def __init__(self, function: Callable[..., Any], *arguments: Any):
-        self._work = (function, arguments)
-        self._process: asyncio.subprocess.Process | None = None
+        self._here, self._there = _SPAWN.Pipe(duplex=False)
+        self._process = _SPAWN.Process(target=_work, args=(self._there, function, arguments),
+                                       daemon=True)
         self._cancelled = False
         #: Share that is done, 0 to 1, and the present step.
         self.share, self.words = 0.0, 'starting'
@@ -41,38 +45,26 @@ class Job:
 
         Raises `Cancelled`, InputError for input that the work cannot use, else `WorkerError`.
         """
-        self._process = await asyncio.create_subprocess_exec(
-            sys.executable, '-m', 'fam_bundle_ros.workbench.worker', env=environment(),
-            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, limit=1 << 30)
         try:
-            if self._cancelled:
-                raise Cancelled
-            return await self._talk(self._process)
-        except (asyncio.IncompleteReadError, ConnectionError, BrokenPipeError):
-            if self._cancelled:
-                raise Cancelled from None
-            raise WorkerError('the worker process ended without a result') from None
+            # in a thread: the arguments may be larger than a pipe's buffer
+            await asyncio.to_thread(self._process.start)
+            # only the process holds this end now, so that the pipe ends with it
+            self._there.close()
+            while not self._cancelled:
+                while not self._here.poll():
+                    await asyncio.sleep(_PERIOD)
+                kind, content = self._here.recv()
+                if kind == 'result':
+                    return content
+                if kind == 'failed':
+                    raise content
+                self.share, self.words = content
+        except (EOFError, OSError):
+            if not self._cancelled:
+                raise WorkerError('the worker process ended without a result') from None
         finally:
             self._kill()
-            await self._process.wait()
-
-    async def _talk(self, process: asyncio.subprocess.Process) -> Any:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(pickle.dumps(self._work))
-        await process.stdin.drain()
-        process.stdin.close()
-        while True:
-            size, = LENGTH.unpack(await process.stdout.readexactly(LENGTH.size))
-            kind, content = pickle.loads(await process.stdout.readexactly(size))
-            if kind == 'progress':
-                self.share, self.words = content
-            elif kind == 'result':
-                return content
-            elif kind == 'input_error':
-                raise InputError(content)
-            else:
-                raise WorkerError(content)
+        raise Cancelled
 
     def cancel(self) -> None:
         """Stop at once."""
@@ -80,5 +72,18 @@ class Job:
         self._kill()
 
     def _kill(self) -> None:
-        if self._process is not None and self._process.returncode is None:
+        if self._process.is_alive():
             self._process.kill()
+            self._process.join()
+
+
+@on_one_core
+def _work(page: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """Call a function in the new process and send what it reports, returns or raises."""
+    try:
+        page.send(('result', function(
+            lambda share, words: page.send(('progress', (share, words))), *arguments)))
+    except InputError as error:
+        page.send(('failed', error))
+    except Exception as error:  # the page must show every failure
+        page.send(('failed', WorkerError(f'{type(error).__name__}: {error}')))

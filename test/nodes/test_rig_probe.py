@@ -65,7 +65,7 @@ def test_a_rig_is_probed(simulator, paper_bundle, domain_id, tmp_path):
     assert_controllers_start(written, found, domain_id)
 
     simulator(faults__units='mu1/pressure=kPa', faults__gain='mu2/pressure=0.5',
-              command_timeout=10.0)
+              command_timeout=1.0)
     assert_says(probe(), 'mu1 valve: commanded to fill by', r'mu2 scale: shows (59\.[89]|60)',
                 'mu2 watchdog: stays at')
     simulator(faults__units='', faults__gain='force=-1.0', faults__leak='mu1=0.3',

@@ -21,10 +21,6 @@ class Table(ForceTable):
     Every isobar needs at least two strains. The table is refined eightfold along strain and then
     along pressure by shape-preserving cubic (PCHIP) interpolation, which passes through the
     measured points without oscillation.
-
-    Parameters
-    ----------
-    path : Path
     """
 
     def __init__(self, path: Path):
