@@ -54,9 +54,9 @@ def add(
                                                         'another.')] = None,
     removing: Annotated[list[str] | None, typer.Option('--remove', metavar='NAME', help='Remove '
                                                        'an effect from the model.')] = None,
-    discrepancy: Annotated[bool, typer.Option('--discrepancy', help='Also add the remaining error '
-                                              'as a table, if this predicts unseen rows '
-                                              'better.')] = False,
+    discrepancy: Annotated[bool, typer.Option('--discrepancy', help='Also add a table, of the '
+                                              'remaining error or to an empirical form, if this '
+                                              'predicts unseen rows better.')] = False,
     name: Annotated[str | None, typer.Option(help='Name of the new model.')] = None,
     json_file: JsonFile = None,
     allow_python: AllowPython = False,
@@ -91,8 +91,9 @@ def add(
     with notes.status('refitting'):
         result = add_effect(bundle, wanted, measured, name,
                             replacing=swaps, removing=removing or ())
+    files: tuple[Path, ...] = (out,)
     if discrepancy:
-        wrote(*result.recommended.save(out))
+        files = result.recommended.save(out)
     else:
         save_model(result.model, out)
     show_muscle(result.model)
@@ -101,8 +102,10 @@ def add(
                   f'data; noise floor {number(result.noise.value)} N', soft_wrap=True)
     if result.doubt:
         console.print(result.doubt, soft_wrap=True)
+    if discrepancy:
+        console.print(str(result.recommended), soft_wrap=True)
     parameter_table(result.parameters)
-    wrote(out)
+    wrote(*files)
     save_json(json_file, {**result.to_dict(), 'out': out, 'muscle': muscle_of(result.model),
                           'data': measured.to_dict()})
 

@@ -15,9 +15,9 @@ ONE_STRAIN = 2e-4
 
 def pressure_levels(column: np.ndarray, most: int = 24) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return the isobars of a pressure record: level of each sample (T,) int, mean per level (k,) Pa.
+    Return the levels of a record, such as isobars: that of each sample (T,) int, the means (k,).
 
-    Levels are found as gaps in the sorted pressures; where there are none (a sweep) or too many
+    Levels are found as gaps in the sorted values; where there are none (a sweep) or too many
     the range is cut into eight equal bins.
     """
     ordered = np.sort(column)

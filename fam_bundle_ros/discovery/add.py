@@ -43,6 +43,9 @@ from fam_bundle_ros.model import Bundle, catalogue, Effect
 from fam_bundle_ros.processes import on_one_core
 from fam_bundle_ros.told import Told
 
+#: What a table adds to the name of a model, by kind of `Recommended`.
+_NAMED = {'discrepancy': '_and_discrepancy', empirical_surface.NAME: '_corrected'}
+
 
 @dataclass(frozen=True, repr=False)
 class Added(Told):
@@ -63,7 +66,7 @@ class Added(Told):
     replaced : dict of str to str
     removed : tuple of str
     recommended : Recommended
-        The same effects with or without the discrepancy, whichever predicts better.
+        The same effects alone or with a table; see `recommend`.
     log_odds : float or None
         Natural log of the posterior odds of these effects against those of the model as given,
         both with a smooth discrepancy. None if the effects are the same.
@@ -205,10 +208,12 @@ def _alone(search: Search, joint: Fit, data: Measurement) -> tuple[Fit, HeldOut,
 def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fitter,
               ) -> Recommended:
     """
-    Return physics alone or with a table: of the discrepancy, or to an `EmpiricalSurface`.
+    Return physics alone, with its discrepancy, or corrected to an `EmpiricalSurface`.
 
-    Whichever predicts held-out folds best. A table whose forces, or whose effect on the error, are
-    small compared with the noise of a row is not included.
+    The discrepancy is added if held-out folds are predicted better with it and if it is visible in
+    the noise of a row. The model is corrected to the empirical surface if this predicts the folds
+    better, visibly in the noise of a row, and not only one of them: by their rms and by the
+    geometric mean of their errors.
 
     Parameters
     ----------
@@ -219,16 +224,17 @@ def recommend(best: Bundle, physics: Fit, joint: Fit, held: HeldOut, fitter: Fit
     """
     left = remaining_discrepancy(fitter.covariance, joint, physics).smooth
     seen = settings.VISIBLE * fitter.cells.noise
-    kind, error, table, words = 'physics', held.physics, None, ''
+    kind, error, table = 'physics', held.physics, None
     if joint.hyper.fits_a_table and held.discrepancy < error and left > seen:
-        kind, error, words = 'discrepancy', held.discrepancy, '_and_discrepancy'
+        kind, error = 'discrepancy', held.discrepancy
         table = Leftover.of(fitter, physics, joint.hyper)
+    form = held.rivals.get(empirical_surface.NAME, np.inf)
     # without folds the errors are those of the fit, where a surface is always better
-    form = held.rivals.get(empirical_surface.NAME, np.inf) if held.kinds else np.inf
-    if error ** 2 - form ** 2 > seen ** 2:
-        kind, error, words = empirical_surface.NAME, form, '_to_empirical_surface'
+    if (held.kinds and error ** 2 - form ** 2 > seen ** 2
+            and held.typical[empirical_surface.NAME] < held.typical[kind]):
+        kind, error = empirical_surface.NAME, form
         table = Leftover.to_empirical(fitter, physics)
-    model = best.named(best.name + words) if words else best
+    model = best.named(best.name + _NAMED[kind]) if table else best
     return Recommended(model, tuple(effect.name for effect in best.effects), kind, table,
                        error, held.physics, held.discrepancy, dict(held.rivals))
 
@@ -238,7 +244,8 @@ def _best_shapes(search: Search, kept: set[str], asked: Sequence[str], open_: Se
     """
     Return the fit with the shape of each effect, and the names of the shapes.
 
-    The shape that was asked for, unless the most probable one is not tied with it.
+    Another shape is used only if it is more probable than the one asked for, by more than the odds
+    of a tie.
     """
     added = list(asked)
     least = math.log(search.options.choices.odds)
@@ -281,7 +288,7 @@ class Ladder(Told):
         Estimated with the best model.
     data : str
     rivals_N : dict of str to float
-        Held-out errors of the mean force, a plane and an empirical form.
+        Held-out errors of rivals, see `HeldOut`.
     """
 
     steps: list[dict[str, Any]]

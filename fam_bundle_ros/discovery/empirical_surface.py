@@ -77,13 +77,17 @@ class _Residual:
         return self.form(motion.strain, motion.pressure)
 
 
-def is_of(cells: Cells) -> bool:
+def applies_to(cells: Cells) -> bool:
     """Return whether cells are of a static map of one motor unit, with measured forces."""
     return cells.data.is_static and cells.pressure.shape[1] == 1 and cells.stiffness is None
 
 
 def errors(fitter: Fitter, folds: list[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
-    """Return measured minus predicted force of the test cells of each fold, N."""
+    """
+    Return measured minus predicted force of the test cells of each fold, N.
+
+    Length scales and amplitude of the surface, and the range of forces, are those of all cells.
+    """
     cells, hyper = fitter.cells, EmpiricalSurface.of(fitter).surface.hyper
     return [cells.force[test] - EmpiricalSurface.of(fitter, hyper, train).force(
         cells.strain[test], cells.pressure[test]) for train, test in folds]

@@ -63,6 +63,9 @@ class HeldOut:
         A curve of the strain alone, without pressure.
     squares : ndarray, shape (k,), N^2
         Contribution of each fold to the mean square of ``physics``.
+    typical : dict of str to float
+        Geometric mean of the errors of the folds, N, of ``physics``, ``discrepancy`` and each
+        rival: unlike the rms, not that of the worst fold alone.
     """
 
     physics: float
@@ -72,6 +75,7 @@ class HeldOut:
     unseen: dict[str, Unseen] = field(default_factory=dict, repr=False)
     blind: float = np.inf
     squares: np.ndarray = field(default_factory=lambda: np.zeros(1), repr=False)
+    typical: dict[str, float] = field(default_factory=dict)
 
     @property
     def best(self) -> float:
@@ -86,10 +90,15 @@ class HeldOut:
         """
         return (self.physics <= other.physics and self.best <= other.best
                 and all(here[0] <= there[0] and min(here) <= min(there)
-                        for here, there in zip(self.kinds.values(), other.kinds.values())))
+                        for here, there in zip(self.kinds.values(), other.kinds.values(),
+                                               strict=True)))
 
     def of_rows(self, beyond: float) -> HeldOut:
-        """Return errors of rows: with the scatter of rows about their cells added, N rms."""
+        """
+        Return errors of rows: with the scatter of rows about their cells added, N rms.
+
+        Those of each kind of folds and of each fold remain those of cells.
+        """
         return replace(self, physics=float(np.hypot(self.physics, beyond)),
                        discrepancy=float(np.hypot(self.discrepancy, beyond)),
                        blind=float(np.hypot(self.blind, beyond)),
@@ -165,11 +174,12 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
     cells = fitter.cells
     squares: dict[str, np.ndarray] = {}
     counts: dict[str, float] = {}
-    of_folds: list[float] = []
+    of_folds: list[np.ndarray] = []
     seen: dict[str, list[np.ndarray]] = {}
     needed = joint.hyper.fits_a_table
     hyper = Surface.best(fitter, physics.model, joint.hyper).hyper if needed else None
-    every = list(folds(cells)) or [('', *(np.ones(len(cells), bool),) * 2)]
+    everything = np.ones(len(cells), bool)
+    every = list(folds(cells)) or [('', everything, everything)]
     if fitter.rival_errors is None:
         fitter.rival_errors = _rival_errors(fitter, [fold[1:] for fold in every])
     names = ('physics', 'discrepancy', *fitter.rival_errors)
@@ -185,10 +195,13 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         force = cells.force[test]
         seen.setdefault(kind, []).append(np.vstack([force, force - errors]))
         square = np.square(errors) @ weight
-        of_folds.append(square[0])
+        of_folds.append(square / weight.sum())
         squares[kind] = squares.get(kind, 0.0) + square
         counts[kind] = counts.get(kind, 0.0) + float(weight.sum())
-    means = dict(zip(names, np.sqrt(sum(squares.values()) / sum(counts.values())).tolist()))
+    rows = sum(counts.values())
+    means = dict(zip(names, np.sqrt(sum(squares.values()) / rows).tolist()))
+    typical = np.exp(0.5 * np.mean(np.log(np.add(of_folds, np.finfo(float).tiny)), axis=0))
+    weights = np.array([cells.count[test].sum() for _, _, test in every])
     kinds = [kind for kind in squares if kind]
     whole = {kind: np.concatenate(seen[kind], axis=1) for kind in kinds}
     blind = means.pop(BLIND)
@@ -196,7 +209,7 @@ def held_out(fitter: Fitter, physics: Fit, joint: Fit) -> HeldOut:
         means.pop('physics'), means.pop('discrepancy'), means,
         {kind: tuple(np.sqrt(squares[kind][:2] / counts[kind]).tolist()) for kind in kinds},
         {kind: Unseen(each[0], dict(zip(names, each[1:]))) for kind, each in whole.items()},
-        blind, np.array(of_folds) / sum(counts.values()))
+        blind, np.array(of_folds)[:, 0] * weights / rows, dict(zip(names, typical.tolist())))
 
 
 def _rival_errors(fitter: Fitter, folds: list[tuple[np.ndarray, np.ndarray]],
@@ -205,7 +218,7 @@ def _rival_errors(fitter: Fitter, folds: list[tuple[np.ndarray, np.ndarray]],
     cells = fitter.cells
     found = {rival: [rival_error(rival, cells, *fold) for fold in folds]
              for rival in (*RIVALS, BLIND)}
-    if empirical_surface.is_of(cells):
+    if empirical_surface.applies_to(cells):
         found[empirical_surface.NAME] = empirical_surface.errors(fitter, folds)
     return found
 

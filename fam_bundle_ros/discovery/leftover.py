@@ -4,13 +4,14 @@
 The discrepancy left by the physics, as a map with uncertainty and as a table for a model file.
 
 It is the mean of the Gaussian process over strain and pressure, with even and odd parts in the
-direction of motion, for each motor unit; valid within the measured range.
+direction of motion, for each motor unit; valid within the measured range. Another table corrects
+the physics to an `EmpiricalSurface`.
 """
 
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ PARTS = ('even', 'odd', 'filling')
 @dataclass(frozen=True)
 class Leftover:
     """
-    The discrepancy on a grid of strain and pressure.
+    A discrepancy, or a correction, on a grid of strain and pressure.
 
     Attributes
     ----------
@@ -89,17 +90,16 @@ class Leftover:
     @classmethod
     def to_empirical(cls, fitter: Fitter, physics: Fit) -> Leftover:
         """Return what corrects the force of a fit to that of an `EmpiricalSurface`."""
-        none, right = cls.of(fitter, physics, Hyper()), EmpiricalSurface.of(fitter)
-        # the physics may bend sharply where the form does not: exact at the measured strains
-        _, levels = pressure_levels(fitter.cells.data.strain, STRAINS)
-        strain = np.unique(np.round(np.concatenate([none.strain, levels]), 6))
-        e, p = (grid.ravel() for grid in np.meshgrid(strain, none.pressure[0], indexing='ij'))
+        rows, right = fitter.cells.data, EmpiricalSurface.of(fitter)
+        strain, pressure = (_with_levels(*each) for each in (
+            (rows.strain, STRAINS, 6), (rows.pressure[:, 0], PRESSURES, 0)))
+        e, p = (grid.ravel() for grid in np.meshgrid(strain, pressure, indexing='ij'))
         there = Motion(e, p[:, None], np.zeros(len(e)))
         even = right.force(e, there.pressure) - physics.model.predict(there)
         even, sd = np.reshape([even, right.surface.sd(e, there.pressure, 0)],
-                              (2, 1, len(strain), PRESSURES))
+                              (2, 1, len(strain), len(pressure)))
         zero = np.zeros_like(even)
-        return replace(none, strain=strain, even=even, odd=zero, filling=zero, sd=sd)
+        return cls(strain, pressure[None], even, zero, zero, sd, physics.model)
 
     def write(self, path: Path) -> None:
         """
@@ -128,3 +128,14 @@ class Leftover:
                     writer.writerows([i + 1, f'{e:.10g}', f'{p / 1e3:.10g}', *(
                         f'{value[k]:.5g}' for value in values)]
                         for k, p in enumerate(felt_pressure))
+
+
+def _with_levels(column: np.ndarray, points: int, digits: int) -> np.ndarray:
+    """
+    Return even steps over a range, and the measured levels, rounded to so many digits.
+
+    Physics may bend sharply where the form does not: a table is exact at the measured levels.
+    """
+    _, levels = pressure_levels(column, points)
+    even = np.linspace(column.min(), column.max(), points)
+    return np.unique(np.round(np.concatenate([even, levels]), digits))

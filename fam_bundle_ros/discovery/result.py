@@ -26,9 +26,10 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.told import Told
 
 VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
-#: Words for the table of each kind of `Recommended`.
-_TABLE = {'physics': '', 'discrepancy': ' with the discrepancy',
-          empirical_surface.NAME: ' corrected to an empirical surface, which predicts better'}
+#: Words for each kind of `Recommended`.
+KINDS = {'physics': 'effects alone', 'discrepancy': 'effects with the discrepancy',
+         empirical_surface.NAME: 'effects corrected to the empirical form and a surface of its '
+                                 'residual'}
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Candidate:
 @dataclass(frozen=True, repr=False)
 class Recommended(Told):
     """
-    The model with the lowest error on held-out folds.
+    The model for predictions and control; see `add.recommend`.
 
     Attributes
     ----------
@@ -127,13 +128,14 @@ class Recommended(Told):
     rivals_N: dict[str, float]
 
     def __str__(self) -> str:
-        rivals, form = self.rivals_N, self.rivals_N.get(empirical_surface.NAME)
-        return (f"recommended: physics ({', '.join(self.effects)}){_TABLE[self.kind]}; "
-                f'on held-out folds {self.held_out_physics_N:.3g} N without and '
-                f'{self.held_out_discrepancy_N:.3g} N with a discrepancy; mean force '
-                f"{rivals['mean']:.3g} N, plane {rivals['plane']:.3g} N, six-parameter empirical "
-                f"form {rivals['empirical']:.3g} N"
-                f"{'' if form is None else f', with a surface of its residual {form:.3g} N'}")
+        rivals = self.rivals_N
+        beside = {'effects alone': self.held_out_physics_N,
+                  'with the discrepancy': self.held_out_discrepancy_N,
+                  'six-parameter empirical form': rivals['empirical'], 'plane': rivals['plane'],
+                  'mean force': rivals['mean']}
+        return (f"recommended: {KINDS[self.kind]} ({', '.join(self.effects)}): "
+                f'{self.held_out_N:.3g} N on held-out folds; '
+                + ', '.join(f'{words} {value:.3g} N' for words, value in beside.items()))
 
     def save(self, path: str | Path) -> tuple[Path, ...]:
         """Write the model file, and its table beside it; return the paths."""

@@ -29,7 +29,7 @@ from fam_bundle_ros.discovery.options import Change, head
 from fam_bundle_ros.discovery.posterior import Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
 from fam_bundle_ros.discovery.verdict import Finding, is_enough
-from fam_bundle_ros.model import Bundle, catalogue
+from fam_bundle_ros.model import Bundle, catalogue, Place
 from fam_bundle_ros.told import counted, number
 
 Ties = tuple[tuple[str, ...], ...]
@@ -127,6 +127,8 @@ def _shape(shapes: Sequence[Template], otherwise: str) -> str:
 def _left(finding: Finding, best: float) -> str:
     """Return the size of the discrepancy; it may exceed the error of a distorted model."""
     left = finding.after.shown
+    if not left:
+        return 'no smooth discrepancy is left'
     near = ' if the dimensions stay near their usual values' if left > best else ''
     return f'a smooth discrepancy of {number(left, 2)} N is left{near}'
 
@@ -255,6 +257,11 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
                             if law.is_of_force_alone and law.candidate)
         notes.append('a single force determines neither the scale of the model nor a bias (not '
                      f'tried: {untried}): measure on a dynamometer, or with other weights')
+    tables = [effect.name for effect in final.model.effects
+              if effect.law.place is Place.RESIDUAL]
+    if tables:
+        notes.append(f'if {tables[0]} was made from these rows, the held-out errors are too '
+                     'small: its table contains the rows that are left out')
     if not held.kinds:
         notes.append('the data have no folds to leave out: held-out errors are those of the fit')
     refits = [('recalibration alone', base)]

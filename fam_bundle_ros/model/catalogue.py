@@ -30,9 +30,14 @@ _ORDER = ('mesh', 'bladder', 'surface', 'resistive', 'slack', 'force_floor', 'dr
 def built_in() -> Mapping[str, Law]:
     """Return the laws of this package by name."""
     files = {path.stem for path in Path(__file__).with_name('laws').glob('[a-z]*.py')}
-    return MappingProxyType({
-        law.name: law for file in (*_ORDER, *sorted(files - {'base', *_ORDER}))
-        for law in _laws_in(importlib.import_module(f'fam_bundle_ros.model.laws.{file}'))})
+    laws: dict[str, Law] = {}
+    for file in (*_ORDER, *sorted(files - {'base', *_ORDER})):
+        for law in _laws_in(importlib.import_module(f'fam_bundle_ros.model.laws.{file}')):
+            if law.name in laws:
+                raise InputError(f'laws/{file}.py: another file has a law {law.name}; expected '
+                                 'one file for each name')
+            laws[law.name] = law
+    return MappingProxyType(laws)
 
 
 @cache

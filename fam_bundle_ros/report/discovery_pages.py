@@ -17,6 +17,7 @@ from fam_bundle_ros.discovery import (
     figures,
     Ladder,
 )
+from fam_bundle_ros.discovery.result import KINDS as RECOMMENDED
 from fam_bundle_ros.discovery.templates import SHARE
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.model.own_muscle import muscle_words
@@ -25,12 +26,8 @@ from fam_bundle_ros.report.page import Headline, Page, Picture, provenance, Sect
 from fam_bundle_ros.told import number, shown
 
 Files = Sequence[tuple[str, str | Path]]
-#: Words for each kind of recommended model.
-_KINDS = {'physics': 'effects alone', 'discrepancy': 'effects with the discrepancy',
-          empirical_surface.NAME: 'effects corrected to the empirical form and a surface of its '
-                                  'residual'}
 #: Definition of the ladder's held-out error, for every caption.
-HELD_OUT = ('Held out: each block of rows (isobar, trial or interval of time) is predicted by a '
+HELD_OUT = ('Held out: each block of rows (trial, isobar or inner strain level) is predicted by a '
             'fit to the other blocks.')
 
 
@@ -231,7 +228,7 @@ def _unseen_section(result: Diagnosis) -> list[Section]:
     smooth = rivals.get(empirical_surface.NAME)
     return [Section(
         'On held-out rows', 'Whole blocks are held out in turn. The recommended model '
-        f'({_KINDS[found.kind]}) has an error of {number(found.held_out_N)} N rms on them.', [
+        f'({RECOMMENDED[found.kind]}) has an error of {number(found.held_out_N)} N rms on them.', [
             Picture('unseen', 'Predicted and measured on held-out rows', drawing,
                     'Each point is the mean of neighbouring rows in a held-out block. On the '
                     'line, prediction and measurement are equal. Below: measured minus '

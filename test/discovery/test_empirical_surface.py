@@ -20,6 +20,7 @@ from fam_bundle_ros.discovery.options import Options
 from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
+from fam_bundle_ros.discovery.words import notes_on
 from fam_bundle_ros.model import load_model
 
 
@@ -88,9 +89,9 @@ def test_it_is_among_the_rivals_of_a_static_map_of_one_muscle_only(wrong, paper_
     """With time, at constant force or with two units, it does not apply."""
     fitter, _, _, held = wrong
     assert held.rivals[empirical_surface.NAME] < 0.7 * held.rivals['empirical']
-    assert empirical_surface.is_of(fitter.cells)
-    assert not empirical_surface.is_of(replace(fitter.cells, stiffness=fitter.cells.force))
-    assert not empirical_surface.is_of(replace(
+    assert empirical_surface.applies_to(fitter.cells)
+    assert not empirical_surface.applies_to(replace(fitter.cells, stiffness=fitter.cells.force))
+    assert not empirical_surface.applies_to(replace(
         fitter.cells, pressure=np.hstack([fitter.cells.pressure] * 2)))
     timed = fitted(paper_muscle, sweeps(cycles=1))
     assert empirical_surface.NAME not in timed[3].rivals
@@ -111,9 +112,13 @@ def test_a_model_that_predicts_worse_is_corrected_to_it(paper_muscle, tmp_path, 
     right = EmpiricalSurface.of(fitter).force(unseen.strain, unseen.pressure)
     np.testing.assert_allclose(predict(written, unseen), right, atol=0.5)
     assert rms(predict(written, unseen) - unseen.force) < 1.0
+    # its table has seen the rows that folds leave out
+    for fit, told in ((fitted(written, static_map(strains=8))[2], True), (physics, False)):
+        notes = notes_on(fitter.cells, SimpleNamespace(note=''), fit, fit, held)
+        assert any('held-out errors are too small' in note for note in notes) == told
 
 
-def test_the_correction_is_exact_at_the_measured_strains(paper_muscle):
+def test_the_correction_is_exact_at_the_measured_places(paper_muscle):
     """Also where the physics bends within one step of the table, as a stiff sheath does."""
     model = paper_muscle.with_effect('saturating_sheath', size=200.0, width=2e-3)
     data = static_map(strains=8)
@@ -124,10 +129,12 @@ def test_the_correction_is_exact_at_the_measured_strains(paper_muscle):
     bends = physics.model.force(np.array([0.0, 0.005]), np.full((2, 1), 1e5))
     assert bends[0] - bends[1] > 20.0
     assert set(np.unique(data.strain).round(6)) <= set(table.strain)
-    middle = len(table.pressure[0]) // 2
-    pressure = np.full((len(table.strain), 1), table.pressure[0, middle])
-    total = physics.model.force(table.strain, pressure) + table.even[0, :, middle]
-    np.testing.assert_allclose(total, right.force(table.strain, pressure))
+    for level in np.unique(data.pressure):
+        column = int(np.argmin(np.abs(table.pressure[0] - level)))
+        assert abs(table.pressure[0, column] - level) < 1.0
+        pressure = np.full((len(table.strain), 1), table.pressure[0, column])
+        total = physics.model.force(table.strain, pressure) + table.even[0, :, column]
+        np.testing.assert_allclose(total, right.force(table.strain, pressure))
 
 
 def test_physics_that_predicts_as_well_is_not_corrected(wrong, paper_muscle):
@@ -140,6 +147,20 @@ def test_physics_that_predicts_as_well_is_not_corrected(wrong, paper_muscle):
         found = recommend(paper_muscle, physics, joint, near, fitter)
         assert (found.kind == empirical_surface.NAME) == corrected
         assert (found.leftover is None) != corrected
+    one_fold = {**held.typical, empirical_surface.NAME: 1.1 * held.typical['physics']}
     for other in (replace(held, physics=0.5 * form, discrepancy=np.inf),
-                  replace(held, discrepancy=np.inf, kinds={})):  # errors of the fit: no folds
+                  replace(held, discrepancy=np.inf, kinds={}),  # errors of the fit: no folds
+                  replace(held, discrepancy=np.inf, typical=one_fold)):
         assert recommend(paper_muscle, physics, joint, other, fitter).kind == 'physics'
+
+
+def test_the_typical_error_is_not_that_of_the_worst_fold(wrong):
+    """The geometric mean over folds, of each model and rival."""
+    fitter, _, physics, held = wrong
+    every = list(folds(fitter.cells))
+    surface = fitter.rival_errors[empirical_surface.NAME]
+    alone = [fitter.refit_to(physics, train)[1][test] for _, train, test in every]
+    for name, errors in ((empirical_surface.NAME, surface), ('physics', alone)):
+        each = [np.log(rms(error)) for error in errors]
+        assert held.typical[name] == pytest.approx(np.exp(np.mean(each)), rel=1e-3)
+    assert held.typical[empirical_surface.NAME] < 0.6 * held.rivals[empirical_surface.NAME]

@@ -124,14 +124,27 @@ def test_a_parameter_must_not_hide_what_a_law_feels():
     ({'leaves': ('speed', 'velocity')}, "leaves 'velocity'; expected .* smooth0, .*, speed, "),
     ({'leaves': 'speed'}, "leaves 'speed'; expected a tuple of"),
     ({'variantof': 'mesh'}, "'variantof' is 'mesh'; expected a Parameter, .*, variant_of, "),
-    ({'off': {'size': 0.0}}, "off 'size'; expected one of its parameters"),
+    ({'off': {'weight': 0.0}}, "off 'weight'; expected one of its parameters"),
+    ({'memory': 'last'}, "memory 'last'; expected a tuple"),
+    ({'needs': '3 strains'}, "needs '3 strains'; expected one of .*'three strains'"),
+    ({'per_unit': 'all'}, "per_unit 'all'; expected one of '', 'later', 'each'"),
+    ({'size': Parameter(3.0, 'N', 0.0, 2.0, 'too large')}, 'default of size is 3 N; expected'),
+    ({'size': Parameter(1.0, 'newtonz', 0.0, 2.0, 'of no unit')}, 'default of .*newtonz'),
     ({'source': ''}, 'needs source=')])
 def test_what_is_told_of_a_law_is_checked(field, message):
     """A misspelt field or kind of shape is named, and what may stand there."""
     with pytest.raises(InputError, match=f'law drag: {message}'):
-        @law('loss', **{**FACTS, **field})
-        def drag(strain_rate):
-            return -strain_rate
+        @law('loss', **{**FACTS, 'size': Parameter(1.0, 'N', 0.0, 2.0, 'drag'), **field})
+        def drag(strain_rate, size):
+            return -size * strain_rate
+
+
+def test_two_laws_of_the_package_cannot_have_one_name(monkeypatch):
+    """The later file does not replace the earlier one unseen."""
+    twice = [catalogue.get('mesh')]
+    monkeypatch.setattr(catalogue, '_laws_in', lambda module: twice)
+    with pytest.raises(InputError, match='bladder.py: another file has a law mesh'):
+        catalogue.built_in.__wrapped__()
 
 
 def test_every_kind_of_shape_is_left_by_a_law():

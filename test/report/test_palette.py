@@ -96,7 +96,9 @@ def test_no_two_effects_look_the_same():
         looks.setdefault(law.look, []).append(name)
     free = [f'{hue} {dash}' for hue in palette._HUES for dash in DASHES
             if (hue, dash) not in looks]
-    assert [names for names in looks.values() if len(names) > 1] == [], f'free: {free}'
+    assert {dash for _, dash in looks} <= set(DASHES)
+    alike = '; '.join(' and '.join(names) for names in looks.values() if len(names) > 1)
+    assert not alike, f'{alike}; free: {free}'
     assert len(set(palette._HUES.values())) == len(palette._HUES)
     own = palette.effect('a_users_own')
     assert [name for name in catalogue.names() if palette.effect(name) == own] == []

@@ -143,6 +143,11 @@ def arguments(function: Callable) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters)
 
 
+#: Values of `Law.per_unit` and `Law.needs`.
+PER_UNIT = ('', 'later', 'each')
+NEEDS = ('', 'several lengths', 'length readings', 'three strains')
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Law:
     """
@@ -170,14 +175,14 @@ class Law:
         For a second shape: the name of the law with the first shape, itself not a variant.
     across_trials : bool
         True if its state carries over from trial to trial of a log.
-    per_unit : {'', 'later', 'each'}
+    per_unit : one of `PER_UNIT`
         Whether it has a parameter for each motor unit after the first one, or for each unit of a
         bundle; then it has none for a single muscle.
     pushes_back : bool
         True if it describes how a muscle resists compression.
     candidate : bool
         False if a diagnosis may not add it to a model.
-    needs : {'', 'several lengths', 'length readings', 'three strains'}
+    needs : one of `NEEDS`
         What data must have before a diagnosis may add it: muscles of several lengths, strains
         that were calculated from readings of the muscle's length, or three levels of the strain
         (from two, a small change of the strain gives nearly any force between them).
@@ -233,6 +238,18 @@ class Law:
             if kind not in KINDS or kind == leaves:
                 raise InputError(f"law {self.name}: leaves '{kind}'; expected a tuple of one or "
                                  f"more of {', '.join(KINDS)}")
+        memory: Any = self.memory
+        if isinstance(memory, str):
+            raise InputError(f"law {self.name}: memory '{memory}'; expected a tuple of names")
+        for key, one_of in (('per_unit', PER_UNIT), ('needs', NEEDS)):
+            if getattr(self, key) not in one_of:
+                raise InputError(f"law {self.name}: {key} '{getattr(self, key)}'; expected one of "
+                                 + ', '.join(f"'{each}'" for each in one_of))
+        for parameter in self.parameters:
+            try:
+                parameter.check(parameter.default * parameter.scale)
+            except InputError as error:
+                raise InputError(f'law {self.name}: default of {error}') from None
 
     def __call__(self, **settings: Any) -> Effect:
         """
