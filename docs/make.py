@@ -106,7 +106,7 @@ def effects() -> str:
     """Return the catalogue of effects."""
     from fam_bundle_ros.model import catalogue
     parts = [HEAD, '# Effects\n\n',
-             'Effects for model files, by family. `fam_bundle effects NAME` shows the same in '
+             'Effects for model files. `fam_bundle effects NAME` shows the same in '
              'the terminal.\n\n',
              _rows(('effect', 'acts on', 'what it is'), (
                  (f'[{name}](#{name})', catalogue.get(name).place.value,
