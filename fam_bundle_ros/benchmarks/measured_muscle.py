@@ -10,8 +10,6 @@ which the model does not know.
 """
 
 from functools import cache
-from pathlib import Path
-import tempfile
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -41,16 +39,13 @@ _FILLED = (450e3, 675e3)
 
 @cache
 def diagnosed_bundle(units: int) -> Bundle:
-    """Return a bundle of the muscle that `diagnose` recommends, one muscle in each motor unit."""
+    """Return a bundle of the muscle, with the effects named, one muscle in each motor unit."""
     return bundle_of(_diagnosed(), f'{units} DMSP-20', [1] * units, MAX_PRESSURE)
 
 
 @cache
 def _diagnosed() -> Bundle:
-    found = diagnose(load_model(config_path(DATA_SHEET)), read_measurement(config_path(DATA)))
-    with tempfile.TemporaryDirectory() as folder:
-        path, *_ = found.recommended.save(Path(folder) / 'muscle.yaml')
-        return load_model(path)
+    return diagnose(load_model(config_path(DATA_SHEET)), read_measurement(config_path(DATA))).best
 
 
 def measured_plant(model: Bundle, wrong: Wrong) -> ForeignPlant:

@@ -19,6 +19,10 @@ class Belief(NamedTuple):
         As there; ``after`` is work space here.
     next : (n, M)
         Memory after this tick.
+    followed : (n, M)
+        Memory along the reference of a strain, in place of the measured strain.
+    path : (k,) of int
+        Fields of the memory for which the two differ: dry friction that builds up.
     pressure : (n,), Pa (gauge)
         Work space for candidate pressures.
     curve : C function or None
@@ -35,6 +39,8 @@ class Belief(NamedTuple):
     memory: Any
     after: Any
     next: Any
+    followed: Any
+    path: Any
     pressure: Any
     curve: Any
     rows: Any
@@ -65,8 +71,9 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
     """
     model, pressures = bundle.model(compiled), np.transpose(grid)
     if compiled:
-        return Belief(model.force, *model[3:], np.zeros_like(model.memory), np.zeros(bundle.n),
-                      bundle.curve, None)
+        return Belief(model.force, *model[3:], np.zeros_like(model.memory),
+                      np.zeros_like(model.memory), np.array(bundle.path_memory, int),
+                      np.zeros(bundle.n), bundle.curve, None)
 
     def rows(now, memory):
         state = {'memory': memory, 'time': now.time - now.dt, 'begun': not now.start}
@@ -80,5 +87,6 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
     # Without memory a first sample is at equilibrium, and faster.
     at_rest = at_rest and bundle.has_memory
     return Belief(force_at_rest if at_rest else model.force, *model[3:],
-                  [list(row) for row in model.memory], [0.0] * bundle.n, None,
+                  [list(row) for row in model.memory], [list(row) for row in model.memory],
+                  bundle.path_memory, [0.0] * bundle.n, None,
                   rows_at_rest if at_rest else rows)

@@ -283,6 +283,11 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         strain_rate = rate_ahead(state.rate, ahead)
     set_moment(table, outer.target.strain, strain_rate, state.clock, dt, start)
     if follows:
+        # With the memory of the measured strain, friction that builds up within a small motion
+        # would turn each tracking error into a force: a gain many times that of the muscle.
+        if strain_rate == 0.0:
+            rest_on_reference(table, model, command.pressure)
+        exchange_memory(model)
         outer.target.force -= destabilising_force(table, model, command.pressure, coming)
     tabulate(table, model)
     find_branches(table, state.asleep)
@@ -294,7 +299,10 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         switch_units(settings, state, dt, command)
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
-    keep_memory(model)
+    if follows:
+        advance_reference(table, model, command.pressure, model.memory)
+        exchange_memory(model)
+    keep_memory(model, follows)
 
 
 def loop_error(table: Any, pressure: Any) -> float:
@@ -313,13 +321,14 @@ def destabilising_force(table: Any, model: Any, pressure: Any, strain: float) ->
     the push-back collapses the force rises with the strain (negative stiffness), which drives the
     strain further from its target: the demand is reduced by this force.
     """
-    wanted, push = table.moment.strain, 0.0
+    wanted, begun, push = table.moment.strain, table.moment.start, 0.0
+    table.moment.start = True  # friction is no push
     for unit in range(len(table.order)):
         push -= unit_force(table, model, unit, pressure[unit])
     table.moment.strain = strain
     for unit in range(len(table.order)):
         push += unit_force(table, model, unit, pressure[unit])
-    table.moment.strain = wanted
+    table.moment.strain, table.moment.start = wanted, begun
     return push if push * (strain - wanted) > 0.0 else 0.0
 
 
@@ -370,11 +379,41 @@ def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool)
         table.pull[unit], table.push[unit] = 1.0 + learnt.error[unit], 1.0 + learnt.error[n]
 
 
-def keep_memory(model: Any) -> None:
-    """Advance the model's memory by one tick."""
+def exchange_memory(model: Any) -> None:
+    """Exchange friction's memories along the measured strain and along the reference."""
+    for unit in range(len(model.memory)):
+        for k in model.path:
+            kept = model.memory[unit][k]
+            model.memory[unit][k] = model.followed[unit][k]
+            model.followed[unit][k] = kept
+
+
+def rest_on_reference(table: Any, model: Any, pressure: Any) -> None:
+    """Start friction along the reference anew, without force: a step prescribes no motion."""
+    begun, table.moment.start = table.moment.start, True
+    advance_reference(table, model, pressure, model.followed)
+    table.moment.start = begun
+
+
+def advance_reference(table: Any, model: Any, pressure: Any, memory: Any) -> None:
+    """Advance friction's ``memory`` (n, M) to the table's moment, at pressures (n,), Pa."""
+    now = table.moment
+    for unit in range(len(table.order) if len(model.path) > 0 else 0):
+        for other in range(len(pressure)):
+            model.pressure[other] = pressure[other]
+        model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt, now.start,
+                    model.shape, model.parameters, model.tables, memory, model.after)
+        for k in model.path:
+            memory[unit][k] = model.after[unit][k]
+
+
+def keep_memory(model: Any, follows: bool) -> None:
+    """Advance the memory by one tick; without a reference to follow, both memories are equal."""
     for unit in range(len(model.memory)):
         for k in range(len(model.memory[unit])):
             model.memory[unit][k] = model.next[unit][k]
+            if not follows:
+                model.followed[unit][k] = model.next[unit][k]
 
 
 # --- output --------------------------------------------------------------------------------------

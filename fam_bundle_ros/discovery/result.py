@@ -135,7 +135,9 @@ class Recommended(Told):
                   'mean force': rivals['mean']}
         return (f"recommended: {KINDS[self.kind]} ({', '.join(self.effects)}): "
                 f'{self.held_out_N:.3g} N on held-out folds; '
-                + ', '.join(f'{words} {value:.3g} N' for words, value in beside.items()))
+                + ', '.join(f'{words} {value:.3g} N' for words, value in beside.items())
+                + ('; for control use the effects alone (add): the correction bends between the '
+                   'measured strains' if self.kind == empirical_surface.NAME else ''))
 
     def save(self, path: str | Path) -> tuple[Path, ...]:
         """Write the model file, and its table beside it; return the paths."""

@@ -118,6 +118,13 @@ class Bundle:
         return self._muscles.laws.has_memory
 
     @property
+    def path_memory(self) -> tuple[int, ...]:
+        """Number of each field of the memory that is of the path alone (`Law.remembers_path`)."""
+        kinds = {effect.law.name: effect.law for effect in self.effects}
+        return tuple(k for k, (name, _) in enumerate(self._muscles.laws.memory)
+                     if kinds[name].remembers_path)
+
+    @property
     def sensors(self) -> tuple[Effect, ...]:
         """Sensor effects, which are used only for the comparison with data."""
         return tuple(effect for effect in self.effects if effect.place is Place.SENSOR)

@@ -130,7 +130,7 @@ def made_up(force, pressure, rows=None):
         for k, value in enumerate(pressures):
             felt = [value] * len(pressure)
             found[k] = force(unit, strain, rate, felt)
-    return Belief(force, 0, 0, 0, 0, 0, 0, pressure, curve, rows)
+    return Belief(force, 0, 0, 0, 0, 0, 0, 0, (), pressure, curve, rows)
 
 
 def test_a_kink_between_two_points_of_the_table_is_found():

@@ -44,6 +44,30 @@ def test_an_undamped_mass_follows_at_every_delay_that_is_told(paper_bundle, mass
         assert log.air[-1] < 1.1 * prompt.air[-1]
 
 
+@pytest.mark.parametrize(('friction', 'tracked'), [(0.0, 6e-3), (2.0, 3e-3), (4.0, 1.2e-3)])
+def test_friction_of_the_model_is_compensated_along_the_reference(paper_bundle, friction, tracked):
+    """
+    In motion as the model says; at rest without a limit cycle, whatever the muscle really has.
+
+    With friction that follows the measured strain, a muscle without it swung by 8e-3 for good.
+    """
+    model = paper_bundle.with_effect('presliding_hysteresis', force=4.0)
+    plant = paper_bundle.with_effect('presliding_hysteresis', force=friction)
+    rig = RigConfig()
+    rig = replace(rig, valve=replace(rig.valve, delay=6e-3))
+    slow = {'period': 5e-3, 'pid_period': 5e-3, 'told_load': False, 'rig': rig,
+            'gains': tune(sample_period=5e-3, transport_delay=8.5e-3).gains,
+            'controller': ControllerConfig(outer=OuterConfig(delay=8.5e-3))}
+    sine = (lambda t: 0.08 + 0.03 * np.sin(1.6 * t), lambda t: 0.048 * np.cos(1.6 * t))
+    for (value, rate), most, quiet in (
+            (sine, tracked, np.inf), ((lambda t: 0.08, lambda t: 0.0), 1e-3, 0.2e3)):
+        log = ClosedLoop(plant, model=model, **slow).run(Trajectory(
+            'strain', 'strain', 6.0, value, rate, MassSpring(mass=3.0, damping=40.0)))
+        late = log.time > 2.0
+        assert np.sqrt(np.mean(log.error[late] ** 2)) < most
+        assert np.std(np.diff(log.setpoint[late, 0])) < quiet
+
+
 @pytest.mark.parametrize('units', [2, 6])
 def test_the_stiffness_that_gains_go_by_is_the_slope_of_the_model(bundles, units):
     """At the largest pressures and at half of them, with any units under pressure."""

@@ -139,6 +139,15 @@ def test_what_is_told_of_a_law_is_checked(field, message):
             return -size * strain_rate
 
 
+def test_dry_friction_alone_remembers_the_path():
+    """Memory of time (relaxation, creep), of the pressure or of all strains is another."""
+    assert {law.name for law in catalogue.available().values() if law.remembers_path} == {
+        'presliding_hysteresis', 'presliding_dahl'}
+    bundle = model.load_model('spie2021').with_effect('viscoelastic_relaxation').with_effect(
+        'presliding_dahl')
+    assert bundle.path_memory == (2, 3)
+
+
 def test_two_laws_of_the_package_cannot_have_one_name(monkeypatch):
     """The later file does not replace the earlier one unseen."""
     twice = [catalogue.get('mesh')]

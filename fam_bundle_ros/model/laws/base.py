@@ -287,6 +287,12 @@ class Law:
         return bool(self.memory) or any('time' in part.arguments for part in self.parts)
 
     @property
+    def remembers_path(self) -> bool:
+        """Whether it is a loss with a memory of the path alone, not of time: dry friction."""
+        return bool(self.memory) and all(
+            part.place is Place.LOSS and 'dt' not in part.arguments for part in self.parts)
+
+    @property
     def is_of_force_alone(self) -> bool:
         """Whether the reading with the law is a function of the force without it alone."""
         return all((part.place is Place.LIMIT or part.changes == 'force')
