@@ -189,7 +189,8 @@ class _Work:
                       [f'mu{i + 1}' for i in self._units])
         if found := split_volume([fit.conductance for fit in fits], gas, tube):
             conductance, tube = found
-            how = 'by motor units of different size'
+            how = ('by motor units of different size; with it the conductance is '
+                   f'{conductance:.3g} m^3/(s Pa)')
         elif apart := apart_words([fit.conductance for fit in fits], names):
             self._result.say(False, 'valves', apart)
         if apart := bands_apart_words([fit.dead_band for fit in fits], names):
@@ -231,10 +232,11 @@ class _Work:
                             'the clocks disagree, clocks_synchronised is false'), note=True)
 
     def _tune(self, rate: float) -> None:
-        """Tune the gains for the measured dead time, or one sample if that is longer."""
+        """Set dead time and gains: for the measured dead time, or one sample if that is longer."""
         from fam_bundle_ros.control.tuning import tune
         parameters = self._result.parameters
         delay = max(parameters['transport_delay'], 1.0 / rate)
+        parameters['outer.delay'] = round(delay, 4)
         try:
             gains = tune(1.0 / rate, delay).gains
         except InputError as error:

@@ -60,6 +60,8 @@ def test_a_rig_is_probed(simulator, paper_bundle, domain_id, tmp_path):
     assert found['valve.dead_band'] == pytest.approx(0.07, abs=0.01)
     # The spool's own lag is not in it; a busy machine may answer a sample later.
     assert 0.006 < found['transport_delay'] < 0.016
+    assert found['outer.delay'] == pytest.approx(
+        max(found['transport_delay'], 1.0 / found['rate']), abs=1e-4)
     assert found['quiet_error'] == pytest.approx(3 * 350.0, rel=0.3)
     assert (found['pressure_is_gauge'], found['rate']) == (False, pytest.approx(200.0, rel=0.02))
     assert_controllers_start(written, found, domain_id)
