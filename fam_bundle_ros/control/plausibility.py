@@ -50,6 +50,9 @@ _CONFIRM = 2
 _DELAYS = 6
 #: s: longest filling of a trial; a slower one is not evaluated.
 _TRIAL_TIME = 0.3
+#: Words for a sensor that responds, but too little.
+_RESPONDS = ('; it responds: conductance or gas volume may be wrong (repeat check-rig --active '
+             'with this model)')
 #: s: time for a sensor on trial to respond; the valve is shut meanwhile.
 _PATIENCE = 0.1
 #: s without a command after which a driver may have vented by itself (docs/how_to/driver.md: 0.1).
@@ -398,7 +401,8 @@ class InflowWatch:
             if self._failed:
                 return (f'{self.name} shows {kilopascals(pressure)} after air for '
                         f'{kilopascals(self._let_in)} was let in, a second time; expected '
-                        f'{kilopascals(self._start + expected)} or more')
+                        f'{kilopascals(self._start + expected)} or more'
+                        + (_RESPONDS if rise > config.noise else ''))
             self._failed = True
             self._begin_trial()
         return ''

@@ -215,6 +215,15 @@ def test_a_small_rise_at_the_top_leads_nowhere(rise):
         watch.commanded(0.0)
 
 
+@pytest.mark.parametrize(('share', 'hinted'), [(0.0, False), (0.4, True)])
+def test_a_sensor_that_responds_too_little_hints_at_the_rig_s_parameters(share, hinted):
+    """A dead one does not."""
+    loop = Loop()
+    assert loop.run(3.0, lambda t: (200e3, 0.0), shown=lambda p: [share * p[0], p[1]])
+    assert loop.cause == 'NO_RESPONSE'
+    assert ('conductance or gas volume may be wrong' in loop.text) == hinted
+
+
 def test_the_supply_s_reading_cannot_disarm_it():
     """A supply that is shown as zero expects no less air than its parameter."""
     watches = [InflowWatch('mu1', Loop().watches[0].config) for _ in range(2)]
