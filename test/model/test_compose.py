@@ -129,7 +129,6 @@ def test_a_parameter_must_not_hide_what_a_law_feels():
     ({'needs': '3 strains'}, "needs '3 strains'; expected one of .*'three strains'"),
     ({'per_unit': 'all'}, "per_unit 'all'; expected one of '', 'later', 'each'"),
     ({'size': Parameter(3.0, 'N', 0.0, 2.0, 'too large')}, 'default of size is 3 N; expected'),
-    ({'size': Parameter(1.0, 'newtonz', 0.0, 2.0, 'of no unit')}, 'default of .*newtonz'),
     ({'source': ''}, 'needs source=')])
 def test_what_is_told_of_a_law_is_checked(field, message):
     """A misspelt field or kind of shape is named, and what may stand there."""

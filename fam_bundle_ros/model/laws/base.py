@@ -245,11 +245,11 @@ class Law:
             if getattr(self, key) not in one_of:
                 raise InputError(f"law {self.name}: {key} '{getattr(self, key)}'; expected one of "
                                  + ', '.join(f"'{each}'" for each in one_of))
-        for parameter in self.parameters:
-            try:
-                parameter.check(parameter.default * parameter.scale)
-            except InputError as error:
-                raise InputError(f'law {self.name}: default of {error}') from None
+        for each in self.parameters:
+            if not each.lower <= each.default <= each.upper:
+                raise InputError(f'law {self.name}: default of {each.name} is {each.default:g} '
+                                 f'{each.unit}; expected between {each.lower:g} and '
+                                 f'{each.upper:g}')
 
     def __call__(self, **settings: Any) -> Effect:
         """
