@@ -422,4 +422,4 @@ def _late_text(name: str, latency: float, most: float) -> str:
         return (f'{name} is stamped {-latency:.3g} s in the future: the clocks of rig and '
                 'controller disagree')
     return (f'{name} is {latency:.3g} s old on arrival; at most {most:.3g} s is allowed '
-            '(max_latency)')
+            '(max_latency); if it stays so, do the clocks of rig and controller agree?')

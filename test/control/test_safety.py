@@ -171,7 +171,8 @@ def test_stuck_reading_stays_stuck_while_nothing_moves(watch):
 
 
 @pytest.mark.parametrize(('latency', 'text'), [
-    (0.3, 'force is 0.3 s old on arrival; at most 0.015 s is allowed (max_latency)'),
+    (0.3, 'force is 0.3 s old on arrival; at most 0.015 s is allowed (max_latency); '
+          'if it stays so, do the clocks of rig and controller agree?'),
     (-2.0, 'force is stamped 2 s in the future: the clocks of rig and controller disagree'),
     (-1.8e9, 'force is stamped 1.8e+09 s in the future: is use_sim_time on, and nobody publishes '
      '/clock?'),
