@@ -56,8 +56,8 @@ def diagnose(
                                                    'such as an age.')] = None,
     out: PageFile = None,
     model_out: Annotated[Path | None, typer.Option('--model-out', metavar='FILE', help='Also '
-                                                   'write the recommended model (.yaml, with a '
-                                                   'table if it has a discrepancy).'
+                                                   'write the recommended model (.yaml, and '
+                                                   'the table of a model that has one).'
                                                    )] = None,
     one_muscle: Annotated[bool, typer.Option('--one-muscle', help='Diagnose several recordings of '
                                              'the same muscle together.')] = False,

@@ -29,9 +29,9 @@ def new_model(
     part: Annotated[str | None, typer.Option(metavar='NAME', help='Part of the catalogue, such as '
                                              'dmsp-20 (--list).')] = None,
     start: Annotated[str | None, typer.Option('--from', metavar='MODEL', help='Model of one '
-                                              'muscle, such as `diagnose --model-out` writes: its '
-                                              'geometry and effects for all motor units of a '
-                                              'bundle; with --muscles, --max-pressure.')] = None,
+                                              'muscle, such as `add` writes: its geometry and '
+                                              'effects for all motor units of a bundle; with '
+                                              '--muscles, --max-pressure.')] = None,
     tendons: Annotated[bool, typer.Option('--tendons', help='With --from: the ends of the bundle '
                                           'transmit tension only. Otherwise a muscle that was '
                                           'measured in tension only pushes back where it is '

@@ -60,6 +60,11 @@ from fam_bundle_ros.control.outer_loop import (
 )
 from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
 from fam_bundle_ros.control.reasons import LOST, NONE
+from fam_bundle_ros.control.reference_memory import (
+    follow_reference,
+    keep_memory,
+    leave_reference,
+)
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.strain_prediction import (
@@ -283,11 +288,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         strain_rate = rate_ahead(state.rate, ahead)
     set_moment(table, outer.target.strain, strain_rate, state.clock, dt, start)
     if follows:
-        # With the memory of the measured strain, friction that builds up within a small motion
-        # would turn each tracking error into a force: a gain many times that of the muscle.
-        if strain_rate == 0.0:
-            rest_on_reference(table, model, command.pressure)
-        exchange_memory(model)
+        follow_reference(table, model, command.pressure)
         outer.target.force -= destabilising_force(table, model, command.pressure, coming)
     tabulate(table, model)
     find_branches(table, state.asleep)
@@ -300,8 +301,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     if follows:
-        advance_reference(table, model, command.pressure, model.memory)
-        exchange_memory(model)
+        leave_reference(table, model, command.pressure)
     keep_memory(model, follows)
 
 
@@ -322,7 +322,7 @@ def destabilising_force(table: Any, model: Any, pressure: Any, strain: float) ->
     strain further from its target: the demand is reduced by this force.
     """
     wanted, begun, push = table.moment.strain, table.moment.start, 0.0
-    table.moment.start = True  # friction is no push
+    table.moment.start = True  # at equilibrium: without friction
     for unit in range(len(table.order)):
         push -= unit_force(table, model, unit, pressure[unit])
     table.moment.strain = strain
@@ -377,43 +377,6 @@ def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool)
     n = len(table.pull)
     for unit in range(n):
         table.pull[unit], table.push[unit] = 1.0 + learnt.error[unit], 1.0 + learnt.error[n]
-
-
-def exchange_memory(model: Any) -> None:
-    """Exchange friction's memories along the measured strain and along the reference."""
-    for unit in range(len(model.memory)):
-        for k in model.path:
-            kept = model.memory[unit][k]
-            model.memory[unit][k] = model.followed[unit][k]
-            model.followed[unit][k] = kept
-
-
-def rest_on_reference(table: Any, model: Any, pressure: Any) -> None:
-    """Start friction along the reference anew, without force: a step prescribes no motion."""
-    begun, table.moment.start = table.moment.start, True
-    advance_reference(table, model, pressure, model.followed)
-    table.moment.start = begun
-
-
-def advance_reference(table: Any, model: Any, pressure: Any, memory: Any) -> None:
-    """Advance friction's ``memory`` (n, M) to the table's moment, at pressures (n,), Pa."""
-    now = table.moment
-    for unit in range(len(table.order) if len(model.path) > 0 else 0):
-        for other in range(len(pressure)):
-            model.pressure[other] = pressure[other]
-        model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt, now.start,
-                    model.shape, model.parameters, model.tables, memory, model.after)
-        for k in model.path:
-            memory[unit][k] = model.after[unit][k]
-
-
-def keep_memory(model: Any, follows: bool) -> None:
-    """Advance the memory by one tick; without a reference to follow, both memories are equal."""
-    for unit in range(len(model.memory)):
-        for k in range(len(model.memory[unit])):
-            model.memory[unit][k] = model.next[unit][k]
-            if not follows:
-                model.followed[unit][k] = model.next[unit][k]
 
 
 # --- output --------------------------------------------------------------------------------------

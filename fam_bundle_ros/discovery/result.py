@@ -156,7 +156,6 @@ class Recommended(Told):
     def to_dict(self) -> dict[str, Any]:
         """Return the entry as the JSON has it."""
         return {'effects': list(self.effects), 'kind': self.kind,
-                'discrepancy': self.leftover is not None,
                 'held_out_N': self.held_out_N, 'held_out_physics_N': self.held_out_physics_N,
                 'held_out_discrepancy_N': self.held_out_discrepancy_N,
                 'rivals_N': dict(self.rivals_N)}
