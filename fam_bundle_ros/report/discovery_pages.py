@@ -4,6 +4,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -102,7 +103,7 @@ def diagnosis_page(result: Diagnosis, files: Files = ()) -> Page:
 
 def _sentence(text: str) -> str:
     """Return a phrase as a sentence; a name of an effect or unit is not capitalised."""
-    named = not text.partition(' ')[0].isalpha()
+    named = re.search(r'[_:\d]', text.partition(' ')[0])
     return f'{text}.' if named else f'{text[:1].upper()}{text[1:]}.'
 
 
@@ -146,7 +147,8 @@ def _missing_section(result: Diagnosis) -> Section:
                         for e in c.parameters), c.why) for c in result.ranking]))
     ties = ' '.join(f'These data cannot distinguish {", ".join(group[:-1])} and {group[-1]}.'
                     for group in result.tied)
-    return Section('What is missing', f'{ties}\n\nNext: {result.next_experiment}', items)
+    after = _sentence(f'next: {result.next_experiment}')
+    return Section('What is missing', f'{ties}\n\n{after}', items)
 
 
 def _parameters_section(result: Diagnosis) -> Section:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from fam_bundle_ros.discovery import compare
-from fam_bundle_ros.report.discovery_pages import comparison_page
+from fam_bundle_ros.report.discovery_pages import _sentence, comparison_page
 from fam_bundle_ros.workbench.cases import load_example
 
 
@@ -38,3 +38,13 @@ def test_a_floor_without_a_note_has_no_empty_sentence(noise_said):
 def test_a_large_force_is_written_without_an_exponent(noise_said):
     """As people write it."""
     assert noise_said('', 1634.0).startswith('The floor is 1634 N, ')
+
+
+@pytest.mark.parametrize(('phrase', 'sentence'), [
+    ('held-out levels are off', 'Held-out levels are off.'),
+    ('mu1: pressures are high', 'mu1: pressures are high.'),
+    ('end_caps take the error', 'end_caps take the error.'),
+    ('5 of 90 rows are not used', '5 of 90 rows are not used.')])
+def test_notes_are_sentences_and_names_keep_their_case(phrase, sentence):
+    """A unit or an effect at the start has the name that files have."""
+    assert _sentence(phrase) == sentence
