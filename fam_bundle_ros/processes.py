@@ -1,9 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Number of threads of this process; environment, output and end of its worker processes."""
+"""Threads and memory of this process; environment, output and end of its worker processes."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import ctypes
 import os
 import sys
 from typing import IO
@@ -23,6 +24,22 @@ threading.Thread(target=lambda: (sys.stdin.read(), os.kill(os.getpid(), signal.S
 #: Decorator: BLAS uses one thread while a function runs. With matrices of a few hundred rows its
 #: threads mostly wait for each other, many times longer if other programs run.
 on_one_core = threadpool_limits.wrap(limits=1, user_api='blas')
+
+#: Of glibc's malloc.h: parameters of `mallopt`.
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+
+
+def keep_freed_memory() -> None:
+    """
+    Let the C library keep freed memory for reuse, if it is glibc; does nothing with others.
+
+    By default it returns freed arrays of some 100 kB to the system, which then clears them again
+    page by page: a quarter of the time of a diagnosis of a long log.
+    """
+    mallopt = getattr(ctypes.CDLL(None), 'mallopt', None) if os.name == 'posix' else None
+    if mallopt is not None:
+        mallopt(_TRIM_THRESHOLD, 1 << 30)
+        mallopt(_MMAP_THRESHOLD, 1 << 25)  # the largest that glibc accepts
 
 
 def environment() -> dict[str, str]:

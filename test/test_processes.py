@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processes that work for this one speak on a standard output of their own, and end with it."""
 
+import platform
 import signal
 import subprocess
 import sys
@@ -30,3 +31,25 @@ def test_it_gets_ctrl_c_when_its_input_is_closed(before):
                                preexec_fn=lambda: signal.signal(signal.SIGINT, before))
     process.communicate(timeout=60)
     assert process.returncode == -signal.SIGINT
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != 'glibc', reason='only glibc can be told so')
+def test_freed_memory_is_kept_for_the_next_array():
+    """A page that is returned to the system has to be cleared by it when it is used again."""
+    program = """
+import resource
+import numpy as np
+from fam_bundle_ros.processes import keep_freed_memory
+
+def cleared_pages():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    [np.ones(100_000 * count) for count in range(1, 9)]
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+keep_freed_memory()
+print(*(cleared_pages() for _ in range(4)))
+"""
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                          check=True, env=environment())
+    first, *again = map(int, done.stdout.split())
+    assert max(again) < first / 10

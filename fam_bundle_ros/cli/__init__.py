@@ -16,6 +16,7 @@ import warnings
 
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.extras import EXTRAS
+from fam_bundle_ros.processes import keep_freed_memory
 
 #: Status that typer returns after Ctrl-C.
 _INTERRUPTED = 130
@@ -25,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command, by default that of the process, and return the exit status."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = '--debug' in given
+    keep_freed_memory()
     if (threading.current_thread() is threading.main_thread()
             and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL):
         # as Ctrl-C, so that worker processes end with this one

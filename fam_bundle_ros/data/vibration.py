@@ -36,7 +36,8 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     one or two periods per trial have as much. A function of strain or pressure, and of direction,
     that is passed at constant speed is periodic in time too: means over cells of strain, or of a
     pressure, and direction must explain less, also with an amplitude for each trial, as of an
-    error that grows with the pressure of isobars.
+    error that grows with the pressure of isobars. Where most places are passed only once, there
+    are no such means, and more than two periods in a pass are required.
 
     Parameters
     ----------
@@ -77,7 +78,10 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     chance = fdtrc(2 * len(trials), free, ratio)
     if len(frequency) / _PADDED * chance > FALSE_ALARM:
         return None
-    place = _share_of_place(measurement.select(rows), y[rows])
+    seen = measurement.select(rows)
+    place, once = _share_of_place(seen, y[rows])
+    if once and frequency[peak] * _longest_pass(seen) <= 2.0:
+        return None
     # a sine over the place explains as much, within two standard errors of R^2
     error = 2.0 * np.sqrt(max(place, 0.0) / len(rows)) * (1.0 - place)
     if height / total <= place + 2.0 * error:
@@ -85,28 +89,39 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     return Vibration(float(1.0 / frequency[peak]), float(np.sqrt(2.0 * height / len(rows))))
 
 
-def _share_of_place(measurement: Measurement, values: np.ndarray) -> float:
-    """
-    Return the share of the variance that strain, or a pressure, and direction explain (R^2).
+def _longest_pass(measurement: Measurement) -> float:
+    """Return the longest time in one direction, s."""
+    first = np.flatnonzero(begins(measurement.direction, measurement.trial))
+    last = np.append(first[1:], len(measurement)) - 1
+    return float(np.max(measurement.clock[last] - measurement.clock[first]))
 
-    It is adjusted for the number of cells. Cells passed only once explain nothing: what is a
-    function of the place there may be one of time.
+
+def _share_of_place(measurement: Measurement, values: np.ndarray) -> tuple[float, bool]:
+    """
+    Return the share of the variance that place and direction explain (R^2), and if most are once.
+
+    The place is the strain or a pressure, whichever explains more. R^2 is adjusted for the number
+    of cells. Cells passed only once explain nothing: what is a function of the place there may be
+    one of time. The second result is whether most rows are in such cells, of each quantity.
     """
     way = measurement.direction
     passes = np.cumsum(begins(way, measurement.trial))
     columns = [column for column in (measurement.strain, *measurement.pressure.T)
                if np.ptp(column) > 0.0]
     _, trial = np.unique(measurement.trial, return_inverse=True)
-    return max((_explained(np.round(column / np.ptp(column) * _BINS), way, passes, trial.ravel(),
-                           values) for column in columns), default=0.0)
+    found = [_explained(np.round(column / np.ptp(column) * _BINS), way, passes, trial.ravel(),
+                        values) for column in columns]
+    return (max((share for share, _ in found), default=0.0),
+            all(again < 0.5 for _, again in found))
 
 
 def _explained(place: np.ndarray, way: np.ndarray, passes: np.ndarray, trial: np.ndarray,
-               values: np.ndarray) -> float:
+               values: np.ndarray) -> tuple[float, float]:
     """
-    Return the adjusted R^2 of the means over place and way, of those with several passes.
+    Return the adjusted R^2 of the means over place and way, and the share of rows passed again.
 
-    The larger of one amplitude for all trials and of one for each, by alternating least squares.
+    Means are of cells with several passes. R^2 is the larger of one amplitude for all trials and
+    of one for each, by alternating least squares.
     """
     _, cell = np.unique(np.stack([place, way], -1), axis=0, return_inverse=True)
     cell = cell.ravel()
@@ -123,4 +138,4 @@ def _explained(place: np.ndarray, way: np.ndarray, passes: np.ndarray, trial: np
             shares.append(1.0 - float(left @ left) / free / float(np.var(values, ddof=1)))
         size = np.bincount(trial, mean ** 2)
         amplitude = (np.bincount(trial, mean * values) / np.where(size > 0.0, size, 1.0))[trial]
-    return max(shares)
+    return max(shares), float(np.mean(again[cell]))

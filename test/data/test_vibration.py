@@ -111,6 +111,20 @@ def test_fewer_than_two_periods_in_a_trial_are_drift():
     assert vibration(data, wave + 0.5 * noise(len(data)), 0.5) is None
 
 
+def test_an_error_that_is_wavy_over_a_single_sweep_is_no_vibration():
+    """Each strain is passed once each way, so a slow wave may be a function of the strain."""
+    data = log(1, 400, 0.05, 20.0)
+
+    def wave(period):
+        return 2.0 * np.sin(2.0 * np.pi * data.time / period + 1.0) + 0.3 * noise(len(data))
+
+    assert vibration(data, wave(8.5), 0.3) is None
+    assert vibration(data, wave(3.0), 0.3).period == pytest.approx(3.0, rel=0.02)
+    again = log(2, 400, 0.05, 10.0)
+    slow = 2.0 * np.sin(2.0 * np.pi * again.time / 8.5) + 0.3 * noise(len(again))
+    assert vibration(again, slow, 0.3).period == pytest.approx(8.5, rel=0.05)
+
+
 @pytest.mark.parametrize(('trials', 'rows'), [(12, 1), (6, 2), (4, 4)])
 def test_trials_too_short_for_a_period_show_none(trials, rows):
     """A few rows have no spectrum, and neither have zeros."""
