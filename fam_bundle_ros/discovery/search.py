@@ -92,7 +92,7 @@ class Search:
         level = [null]
         best = null
         for depth in range(1, self.options.choices.most + 1):
-            self._tell(depth)
+            self._tell(min(depth, 5))
             found = {}
             for node in level:
                 for fit in self._expand(node, 2 if depth == 1 else 1):
@@ -106,8 +106,8 @@ class Search:
                 best = ranked[0]
             elif depth > len(self.options.changes(best.names)) + 1:
                 break
-        self._around(_WHITE)
-        self._around(_WHOLE)
+        self._around(_WHITE, 6)
+        self._around(_WHOLE, 9)
         self._settle()
         return self
 
@@ -147,11 +147,11 @@ class Search:
                      for s in _ranked(screened, ranking)[:count]]
         return [*known, *(self.fit(s.names, s.start, node.hyper) for s in promising)]
 
-    def _around(self, ranking: _Ranking) -> None:
+    def _around(self, ranking: _Ranking, step: int) -> None:
         """Remove, replace and reshape effects of the best set until it does not improve."""
         for turn in range(3):
             best = max(self.fits.values(), key=ranking)
-            self._tell(6 + turn)
+            self._tell(step + turn)
             for names in self.options.back(best.names):
                 # from this start too: at a local optimum the smaller set looks too improbable
                 fewer = self.again(names, best.start, best.hyper)
@@ -213,4 +213,4 @@ class Search:
 
     def _tell(self, step: int) -> None:
         if self.progress:
-            self.progress(min(0.08 * step, 0.9), 'trying sets of effects')
+            self.progress(0.08 * step, 'trying sets of effects')

@@ -255,8 +255,11 @@ def test_two_effects_are_both_found_and_nothing_else(sweeps, paper_muscle):
     truth = paper_muscle.with_effect('coulomb_friction', force=3.0).with_effect(
         'end_caps', dead_length=12e-3)
     data = sweeps(truth)
-    result = diagnose(paper_muscle, data)
+    shares = []
+    result = diagnose(paper_muscle, data, progress=lambda share, words: shares.append(share))
     assert len(result.effects) == 2
+    assert len(shares) > 3
+    assert shares == sorted(set(shares))
     assert 'end_caps' in labels(result)
     assert {'coulomb_friction', 'presliding_hysteresis'} & labels(result)
     paths = orders(paper_muscle, result.shapes, data)
