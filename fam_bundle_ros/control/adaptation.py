@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
+from fam_bundle_ros.control.belief import delay_of
 from fam_bundle_ros.control.observer import mean_change, noise_in
 from fam_bundle_ros.errors import InputError
 
@@ -94,6 +95,8 @@ class AdaptationSettings:
     memory: float
     #: Initial residual as a share of `rest_error`.
     first_share: float
+    #: s: lag of the force by the model.
+    lag: float
 
 
 @dataclass
@@ -134,7 +137,7 @@ class AdaptationState:
     before: list
     change: list
     measured: float = 0.0
-    believed: float = 0.0
+    believed: float = math.nan
     lead: float = 0.0
     rest: float = 0.0
     missed: float = 0.0
@@ -154,7 +157,7 @@ def adaptation_settings(config: AdaptationConfig, bundle: Any, feedback: bool = 
     offset = usual if config.offset_error is None else config.offset_error
     rest = usual if config.rest_error is None else config.rest_error
     return AdaptationSettings(config.enabled, [pull] * bundle.n + [push, offset, USUAL_LAG], rest,
-                              config.memory, _LEFT if feedback else 1.0)
+                              config.memory, _LEFT if feedback else 1.0, delay_of(bundle))
 
 
 def _known_error(bundle, where):
@@ -184,24 +187,28 @@ def adaptation_state(n: int) -> AdaptationState:
 
 def bound_of(settings: Any, k: int) -> float:
     """Return the largest size of the k-th estimate."""
-    return _BOUND * settings.spread[k]
+    bound = _BOUND * settings.spread[k]
+    return bound + settings.lag if k == len(settings.spread) - 1 else bound
 
 
 def forget_adaptation(settings: Any, state: Any) -> None:
     """Reset to the model of the file."""
-    state.lead, state.started, state.seen = 0.0, False, 0
+    state.lead, state.started, state.seen, state.believed = 0.0, False, 0, math.nan
     state.rest = (settings.first_share * settings.rest_error) ** 2
     state.missed = (_LEFT * settings.rest_error) ** 2
     for i in range(len(state.error)):
         state.error[i] = 0.0
         for j in range(len(state.error)):
             state.covariance[i][j] = settings.spread[i] * settings.spread[i] if i == j else 0.0
+    state.error[len(state.force) + 2] = settings.lag
 
 
 def lagged(state: Any, force: float, dt: float) -> float:
     """Return the force of the adapted model, N, delayed by the learnt lag."""
     lag = lag_of(state)
-    share = 1.0 - math.exp(-dt / lag) if state.started and lag > 1e-6 else 1.0
+    if math.isnan(state.believed):
+        state.believed = force
+    share = 1.0 - math.exp(-dt / lag) if lag > 1e-6 else 1.0
     state.believed += share * (force - state.believed)
     return state.believed
 

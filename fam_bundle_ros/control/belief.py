@@ -54,6 +54,24 @@ def without_push_back(bundle: Bundle) -> Bundle:
     return bundle
 
 
+def without_delays(bundle: Bundle) -> Bundle:
+    """
+    Return a bundle without the laws that only delay the pressure.
+
+    In one tick such a law lets hardly any change of the pressure through, so it has no inverse.
+    Their delay is a lag of the controller, see `delay_of`.
+    """
+    for effect in bundle.effects:
+        if effect.law.delay:
+            bundle = bundle.without_effect(effect.name)
+    return bundle
+
+
+def delay_of(bundle: Bundle) -> float:
+    """Return the delay of the pressure by the laws of a bundle, s."""
+    return sum(effect.values[effect.law.delay] for effect in bundle.effects if effect.law.delay)
+
+
 def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
               at_rest: bool = False) -> Belief:
     """

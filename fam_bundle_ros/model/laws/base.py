@@ -180,6 +180,9 @@ class Law:
         bundle; then it has none for a single muscle.
     pushes_back : bool
         True if it describes how a muscle resists compression.
+    delay : str
+        Parameter, s, if the law only delays the pressure: a controller then inverts the model
+        without the law, and takes the parameter for the lag of the force.
     candidate : bool
         False if a diagnosis may not add it to a model.
     needs : one of `NEEDS`
@@ -216,6 +219,7 @@ class Law:
     across_trials: bool = False
     per_unit: str = ''
     pushes_back: bool = False
+    delay: str = ''
     candidate: bool = True
     needs: str = ''
     leaves: tuple[str, ...] = ()
@@ -233,6 +237,9 @@ class Law:
         for name in self.off.keys() - {parameter.name for parameter in self.parameters}:
             raise InputError(f"law {self.name}: off '{name}'; expected one of its parameters: "
                              f"{', '.join(p.name for p in self.parameters) or 'it has none'}")
+        if self.delay and self.delay not in {p.name for p in self.parameters if p.unit == 's'}:
+            raise InputError(f"law {self.name}: delay '{self.delay}'; expected one of its "
+                             'parameters in s')
         leaves: Any = self.leaves  # may be a str by mistake
         for kind in (leaves,) if isinstance(leaves, str) else leaves:
             if kind not in KINDS or kind == leaves:

@@ -8,7 +8,7 @@ from fam_bundle_ros.model.laws.base import law, Parameter
 from fam_bundle_ros.model.vocabulary import lag
 
 _FAMILY: dict[str, Any] = {
-    'family': 'line_lag', 'leaves': ('pressure_rate', 'decay'),
+    'family': 'line_lag', 'delay': 'time_constant', 'leaves': ('pressure_rate', 'decay'),
     'signature': 'the residual is in proportion to the rate of the pressure',
     'off': {'time_constant': 0.0},
     'time_constant': Parameter(0.02, 's', 0.0, 2.0, 'lag of the line')}
