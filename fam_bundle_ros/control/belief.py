@@ -23,13 +23,15 @@ class Belief(NamedTuple):
         Memory along the reference of a strain, in place of the measured strain.
     path : (k,) of int
         Fields of the memory for which the two differ: dry friction that builds up.
+    frictionless : as parameters
+        Parameters of the model without that friction.
     pressure : (n,), Pa (gauge)
         Work space for candidate pressures.
     curve : C function or None
         Forces of one unit at all pressures of the table; see `fam_bundle_ros.model.seam.CURVE`.
     rows : callable or None
-        Forces (m, n) of the whole table at a `Moment` with a memory, in one call on arrays; not
-        compiled.
+        Forces (m, n) of the whole table at a `Moment` with a memory, with or without that
+        friction, in one call on arrays; not compiled.
     """
 
     force: Any
@@ -41,6 +43,7 @@ class Belief(NamedTuple):
     next: Any
     followed: Any
     path: Any
+    frictionless: Any
     pressure: Any
     curve: Any
     rows: Any
@@ -67,6 +70,14 @@ def without_delays(bundle: Bundle) -> Bundle:
     return bundle
 
 
+def without_path_friction(bundle: Bundle) -> Bundle:
+    """Return a bundle whose dry friction that builds up is zero, with the same memory."""
+    return bundle.with_parameters({
+        f'{effect.name}.{name}': value * effect.law.parameter(name).scale
+        for effect in bundle.effects if effect.law.remembers_path
+        for name, value in effect.law.off.items()})
+
+
 def delay_of(bundle: Bundle) -> float:
     """Return the delay of the pressure by the laws of a bundle, s."""
     return sum(effect.values[effect.law.delay] for effect in bundle.effects if effect.law.delay)
@@ -88,16 +99,19 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
         Forces at equilibrium, without memory; not compiled.
     """
     model, pressures = bundle.model(compiled), np.transpose(grid)
+    without = without_path_friction(bundle)
+    frictionless = without.model(compiled).parameters
     if compiled:
         return Belief(model.force, *model[3:], np.zeros_like(model.memory),
                       np.zeros_like(model.memory), np.array(bundle.path_memory, int),
-                      np.zeros(bundle.n), bundle.curve, None)
+                      frictionless, np.zeros(bundle.n), bundle.curve, None)
 
-    def rows(now, memory):
+    def rows(now, memory, rubs):
         state = {'memory': memory, 'time': now.time - now.dt, 'begun': not now.start}
-        return bundle.step(state, now.dt, now.strain, pressures, now.strain_rate)[0]
+        return (bundle if rubs else without).step(state, now.dt, now.strain, pressures,
+                                                  now.strain_rate)[0]
 
-    def rows_at_rest(now, memory):
+    def rows_at_rest(now, memory, rubs):
         return bundle.unit_forces(now.strain, pressures, now.strain_rate)
 
     def force_at_rest(unit, strain, strain_rate, pressure, *_):
@@ -106,5 +120,5 @@ def belief_of(bundle: Bundle, grid: list, compiled: bool = False,
     at_rest = at_rest and bundle.has_memory
     return Belief(force_at_rest if at_rest else model.force, *model[3:],
                   [list(row) for row in model.memory], [list(row) for row in model.memory],
-                  bundle.path_memory, [0.0] * bundle.n, None,
+                  bundle.path_memory, frictionless, [0.0] * bundle.n, None,
                   rows_at_rest if at_rest else rows)

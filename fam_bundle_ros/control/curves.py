@@ -72,6 +72,9 @@ class CurveTable:
         Drop of the force from zero pressure to the bottom; negative for a rise.
     top, floor : list (n + 1,), N
         Largest and smallest force of RS0..RSn on rising branches.
+    rubs : bool
+        Whether dry friction that builds up changes along the curves with the pressure; else it
+        shifts them by ``friction`` (n,), N.
     lowered : list (n,) of int
         1 for units below their bottoms, on the line of their rising branch (`line_at`).
     crossing : list (n,), N
@@ -96,7 +99,9 @@ class CurveTable:
     top: list
     floor: list
     crossing: list
+    friction: list
     lowered: list
+    rubs: bool = True
 
 
 def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
@@ -107,7 +112,7 @@ def curve_table(order, grid: list, pushes_back: bool) -> CurveTable:
         return [0.0] * count
     return CurveTable(list(order), pushes_back, Moment(), [1.0] * n, [1.0] * n, grid, [
         zeros(len(grid[0])) for _ in range(n)], zeros(n), [0] * n, [0] * n, zeros(n), zeros(n),
-                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), [0] * n)
+                      zeros(n), zeros(n), zeros(n + 1), zeros(n + 1), zeros(n), zeros(n), [0] * n)
 
 
 # --- the curves ----------------------------------------------------------------------------------
@@ -116,10 +121,40 @@ def unit_force(table: Any, model: Any, unit: int, pressure: float) -> float:
     """Return the force of one unit at a candidate pressure (Pa), at the table's moment, N."""
     now = table.moment
     model.pressure[unit] = pressure
+    parameters = model.parameters if table.rubs else model.frictionless
     force = model.force(unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt,
-                        now.start, model.shape, model.parameters, model.tables, model.memory,
+                        now.start, model.shape, parameters, model.tables, model.memory,
                         model.after)
-    return adapted(table, unit, force)
+    return adapted(table, unit, force + table.friction[unit])
+
+
+def fix_friction(table: Any, model: Any, pressure: Any) -> None:
+    """
+    Take the dry friction at the table's moment and pressures (n,), Pa, for that at any pressure.
+
+    Along the reference of a strain it is known. In the slopes of the curves it would, after each
+    reversal, make of noise in the demand a motion of the pressure by twice the friction.
+    """
+    now = table.moment
+    table.rubs = len(model.path) == 0
+    if table.rubs:
+        return
+    for unit in range(len(pressure)):
+        model.pressure[unit] = pressure[unit]
+    for unit in range(len(pressure)):
+        table.friction[unit] = model.force(
+            unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt, now.start,
+            model.shape, model.parameters, model.tables, model.memory, model.after)
+        table.friction[unit] -= model.force(
+            unit, now.strain, now.strain_rate, model.pressure, now.time, now.dt, now.start,
+            model.shape, model.frictionless, model.tables, model.memory, model.after)
+
+
+def free_friction(table: Any) -> None:
+    """Let dry friction change with the pressure along the curves."""
+    table.rubs = True
+    for unit in range(len(table.friction)):
+        table.friction[unit] = 0.0
 
 
 def adapted(table: Any, unit: int, force: float) -> float:
@@ -149,14 +184,15 @@ def limit_without_adaptation(table: Any, state: int) -> float:
 def _by_unit(table: Any, model: Any) -> None:
     """Fill the table unit by unit, and find the last of the smallest forces."""
     now = table.moment
+    parameters = model.parameters if table.rubs else model.frictionless
     for unit in range(len(table.order)):
         curve = table.force[unit]
         model.curve(unit, now.strain, now.strain_rate, table.grid[unit], now.time, now.dt,
-                    now.start, model.shape, model.parameters, model.tables, model.memory,
+                    now.start, model.shape, parameters, model.tables, model.memory,
                     model.after, curve)
         least = math.inf
         for k in range(len(curve)):
-            curve[k] = adapted(table, unit, curve[k])
+            curve[k] = adapted(table, unit, curve[k] + table.friction[unit])
             least = min(least, curve[k])
         for k in range(len(curve)):
             if curve[k] <= least + FLAT:
@@ -165,7 +201,7 @@ def _by_unit(table: Any, model: Any) -> None:
 
 def _by_rows(table: Any, model: Any) -> None:
     """Fill the table by one call on arrays, for plain Python."""
-    force = model.rows(table.moment, model.memory)
+    force = model.rows(table.moment, model.memory, table.rubs) + np.array(table.friction)
     push = np.array(table.push) if table.pushes_back else 0.0
     force = np.where(force > 0.0, np.array(table.pull), push) * force
     tied = force <= force.min(axis=0) + FLAT

@@ -26,7 +26,7 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     asked = target.feed_forward
     if kind == FORCE and settings.outer.feed_forward:
         # Subtract the part due to the learnt lag: its adaptation is not a change of demand.
-        learnt = lag_of(state.adaptation) + state.adaptation.lead
+        learnt = lag_of(state.adaptation) - settings.outer.line_lag + state.adaptation.lead
         asked -= (1.0 - GAUGE_SHARE) * learnt * rate
     jump = abs(asked - wanted.value[0])
     if clean:

@@ -13,6 +13,7 @@ import math
 from typing import Any
 
 from fam_bundle_ros.control.adaptation import GAUGE_SHARE
+from fam_bundle_ros.control.belief import delay_of
 from fam_bundle_ros.control.friction import forget_friction, FrictionState
 from fam_bundle_ros.control.load_estimate import (
     forget_load,
@@ -58,6 +59,8 @@ class OuterSettings:
     feed_forward: bool
     feedback: bool
     delay: float
+    #: s: delay of the pressure in the model; none of it is the load cell's.
+    line_lag: float
     reading_share: float
     bias_time: float
     force_gain: float
@@ -202,7 +205,7 @@ def outer_settings(config: OuterConfig, load: LoadModel, bundle: Any) -> OuterSe
     given = (config.strain_gain, config.strain_integral, config.strain_damping)
     return OuterSettings(**{
         **vars(config), 'worked_out': given == (None, None, None), 'bias_time': bias_time,
-        'force_gain': gain,
+        'force_gain': gain, 'line_lag': delay_of(bundle),
         'still': _STILL * bundle.largest_force if config.still is None else config.still,
         'stiffnesses': stiffnesses, 'most_stiffness': most, 'usual_inertia': usual,
         'strain_gain': [[each.gain for each in row] for row in found],
@@ -272,7 +275,8 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     # The observer must not be faster than the loop that it corrects. The lag and its uncertainty
     # add as independent errors.
     slowest = state.lag = math.hypot(command_lag(settings, dt) + dt + lag, lag_doubt)
-    state.behind = settings.reading_share * settings.delay + GAUGE_SHARE * (lag + lead)
+    state.behind = settings.reading_share * settings.delay + GAUGE_SHARE * (
+        lag + lead - settings.line_lag)
     if settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
         observe(state.observer, force, believed, asked, reach, time, dt)

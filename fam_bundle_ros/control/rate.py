@@ -36,6 +36,8 @@ _TURN = 0.04
 #: Windows up to this length (s) need confirmation by the quick rate, which does not overshoot at a
 #: stop, by this many sd.
 _SHORT, _SURE = 0.02, 2.0
+#: Half width, in sd of the level, of the play of the strain at rest.
+_REST = 3.0
 #: Number of first readings without an estimate, as their noise is not known.
 FIRST = 10
 #: Least noise of a strain reading; change that may be noise, whatever the estimate.
@@ -55,6 +57,8 @@ class RateState:
         Strain after one, two and three lags of each window.
     rate, slope, window : float, 1/s, 1/s^2, s
         Estimated rate and acceleration, and the window used.
+    level, held : float
+        Strain fitted over that window; the same without the noise that it has at rest.
     quick : float, 1/s
         Rate in the shortest window, without its curvature.
     direction, ended : int
@@ -74,6 +78,8 @@ class RateState:
     rate: float = 0.0
     slope: float = 0.0
     window: float = _SHORTEST
+    level: float = 0.0
+    held: float = 0.0
     quick: float = 0.0
     direction: int = 0
     ended: int = 0
@@ -115,7 +121,7 @@ def quiet_rate(state: Any, strain: float, dt: float) -> float:
     True
     """
     if state.seen == 0:
-        state.reading = state.last = state.before = strain
+        state.reading = state.last = state.before = state.held = strain
         for k in range(WINDOWS):
             state.once[k] = state.twice[k] = state.thrice[k] = strain
     # Noise may start suddenly, as where a constant reading begins to toggle between two values.
@@ -169,7 +175,22 @@ def believe_window(state: Any, strain: float, noise: float, dt: float) -> None:
         if agree:
             state.rate, state.window = rate, window
             state.slope = (first - 2.0 * second + third) / (window * window)
+            state.level = 3.0 * (first - second) + third
         window *= 2.0
+
+
+def quiet_strain(state: Any, dt: float) -> float:
+    """
+    Return the strain without noise: that fitted by `quiet_rate`, at rest behind a play.
+
+    Dry friction that builds up over a strain of the size of the noise would follow the noise.
+    """
+    if state.direction != 0:
+        state.held = state.level
+    else:
+        half = _REST * noise_of(state) * level_doubt(state.window, dt)
+        state.held = min(max(state.held, state.level - half), state.level + half)
+    return state.held
 
 
 def line_of(state: Any, window: int) -> tuple[float, float]:
@@ -185,6 +206,15 @@ def rate_doubt(window: float, dt: float) -> float:
     The rate is a sum of the readings with weights (3 - 5 u + u^2) exp(-u)/T^2, u = t/T.
     """
     return math.sqrt(1.75 * dt / window) / window
+
+
+def level_doubt(window: float, dt: float) -> float:
+    """
+    Return the sd of a window's level over that of the readings.
+
+    The level is a sum of the readings with weights (3 - 3 u + u^2/2) exp(-u)/T, u = t/T.
+    """
+    return math.sqrt(2.0625 * dt / window)
 
 
 def find_direction(state: Any, noise: float, lately: float, dt: float) -> None:

@@ -37,6 +37,8 @@ from fam_bundle_ros.control.curves import (
     curve_table,
     CurveTable,
     find_branches,
+    fix_friction,
+    free_friction,
     line_at,
     on_line,
     slope_at,
@@ -58,7 +60,14 @@ from fam_bundle_ros.control.outer_loop import (
     OuterState,
     STRAIN,
 )
-from fam_bundle_ros.control.rate import FIRST, forget_rate, quiet_rate, rate_ahead, RateState
+from fam_bundle_ros.control.rate import (
+    FIRST,
+    forget_rate,
+    quiet_rate,
+    quiet_strain,
+    rate_ahead,
+    RateState,
+)
 from fam_bundle_ros.control.reasons import LOST, NONE
 from fam_bundle_ros.control.reference_memory import (
     follow_reference,
@@ -171,6 +180,7 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     forget_prediction(state.prediction)
     for unit in range(n):
         state.asleep[unit] = state.table.lowered[unit] = 0
+    free_friction(state.table)
     state.crossings.count = state.jump.on = state.jump.fresh = 0
     state.jump.kind, state.jump.since = -1, math.inf
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
@@ -245,15 +255,18 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     direction = state.rate.direction
     before = state.rate.rate if direction != 0 else 0.0
     strain_rate = quiet_rate(state.rate, measurement.strain, since)
+    strain = measurement.strain
+    if len(model.path) > 0:
+        strain = quiet_strain(state.rate, since)
     state.clock = state.clock + dt if state.begun else 0.0
     start = not state.begun
     state.begun = True
     turned = state.rate.direction != direction
     known = 0.0
     if turned:
-        set_moment(table, measurement.strain, before, state.clock, dt, start)
+        set_moment(table, strain, before, state.clock, dt, start)
         known = believed_force(table, model, measurement.pressure, state.adaptation.force)
-    set_moment(table, measurement.strain, strain_rate, state.clock, dt, start)
+    set_moment(table, strain, strain_rate, state.clock, dt, start)
     force = believed_force(table, model, measurement.pressure, state.adaptation.force)
     if turned:
         jump = force - known
@@ -279,6 +292,8 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     # Predicted strain when the commanded pressures are reached.
     ahead = command_lag(settings.outer, dt)
     coming = strain_ahead(state.prediction, state.rate, measurement.strain, strain_rate, ahead, dt)
+    if len(model.path) > 0 and state.rate.direction == 0:
+        coming = strain
     follows = kind == STRAIN and settings.outer.feed_forward
     # A force reference does not prescribe a strain: use the measured rate.
     if follows:
@@ -289,7 +304,10 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     set_moment(table, outer.target.strain, strain_rate, state.clock, dt, start)
     if follows:
         follow_reference(table, model, command.pressure)
+        fix_friction(table, model, command.pressure)
         outer.target.force -= destabilising_force(table, model, command.pressure, coming)
+    else:
+        free_friction(table)
     tabulate(table, model)
     find_branches(table, state.asleep)
     place_bottoms(table, model)

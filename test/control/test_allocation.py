@@ -130,7 +130,7 @@ def made_up(force, pressure, rows=None):
         for k, value in enumerate(pressures):
             felt = [value] * len(pressure)
             found[k] = force(unit, strain, rate, felt)
-    return Belief(force, 0, 0, 0, 0, 0, 0, 0, (), pressure, curve, rows)
+    return Belief(force, 0, 0, 0, 0, 0, 0, 0, (), 0, pressure, curve, rows)
 
 
 def test_a_kink_between_two_points_of_the_table_is_found():
@@ -182,7 +182,7 @@ def test_the_table_is_the_same_unit_by_unit_and_on_arrays():
     def force(unit, strain, rate, pressure, *_):
         return max(-4.0 + 1e-15 * pressure[unit], 1e-4 * (pressure[unit] - 90e3 * (unit + 1)))
 
-    def rows(moment, memory):
+    def rows(moment, memory, rubs):
         return np.array([[force(unit, 0.1, 0.0, (p, p)) for unit, p in enumerate(each)]
                          for each in zip(*grid)])
     tables = []

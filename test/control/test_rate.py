@@ -10,6 +10,7 @@ from fam_bundle_ros.control.rate import (
     find_direction,
     line_of,
     quiet_rate,
+    quiet_strain,
     rate_ahead,
     rate_doubt,
     RateState,
@@ -47,6 +48,26 @@ def wrong_sign(seen, true):
 def test_noise_at_rest_is_no_motion(noise):
     """Whatever the size of the noise, a standing muscle stands: for a minute no motion."""
     assert not np.any(believed(np.full(15000, 0.1), noise))
+
+
+def quiet(strain, noise, dt=4e-3):
+    """Return the strain without noise over readings with noise."""
+    state, found = RateState(), []
+    for reading in strain + noise * np.random.default_rng(3).standard_normal(len(strain)):
+        quiet_rate(state, reading, dt)
+        found.append(quiet_strain(state, dt))
+    return np.array(found)
+
+
+def test_the_quiet_strain_stands_at_rest_and_follows_a_motion():
+    """At rest it hardly moves for a minute; a motion loses no more than noise of the readings."""
+    noise = 5e-5
+    rest = quiet(np.full(15000, 0.1), noise)[500:]
+    assert np.abs(np.diff(rest)).sum() < 3.0 * noise
+    assert abs(rest - 0.1).max() < noise
+    swing = 0.1 + 0.03 * np.sin(np.arange(0.0, 12.0, 4e-3))
+    moving = abs(np.cos(np.arange(0.0, 12.0, 4e-3))) > 0.2
+    assert np.std((quiet(swing, noise) - swing)[moving][100:]) < noise
 
 
 @pytest.mark.parametrize('noise', [2e-5, 1e-4, 4e-4])

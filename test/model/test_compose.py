@@ -127,6 +127,7 @@ def test_a_parameter_must_not_hide_what_a_law_feels():
     ({'off': {'weight': 0.0}}, "off 'weight'; expected one of its parameters"),
     ({'memory': 'last'}, "memory 'last'; expected a tuple"),
     ({'needs': '3 strains'}, "needs '3 strains'; expected one of .*'three strains'"),
+    ({'delay': 'size'}, "delay 'size'; expected one of its parameters in s"),
     ({'per_unit': 'all'}, "per_unit 'all'; expected one of '', 'later', 'each'"),
     ({'size': Parameter(3.0, 'N', 0.0, 2.0, 'too large')}, 'default of size is 3 N; expected'),
     ({'source': ''}, 'needs source=')])
