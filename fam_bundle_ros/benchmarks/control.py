@@ -30,6 +30,7 @@ from fam_bundle_ros.benchmarks.margins import (
     loop_of,
     our_margin,
 )
+from fam_bundle_ros.benchmarks.plant_record import diagnosed_model
 from fam_bundle_ros.benchmarks.plants import (
     model_error,
     model_of,
@@ -42,7 +43,9 @@ from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.simulation import Log
 
 #: Controllers in addition to the two of every case; ``no_feedback`` runs on the nominal plant.
-OTHERS = tuple(CONTROLLERS)[2:-1]
+OTHERS = tuple(CONTROLLERS)[2:-2]
+#: Ours with the model that `diagnose` makes of a record; runs only if it is named.
+DIAGNOSED = 'diagnosed'
 OURS, BESIDE = tuple(CONTROLLERS)[:2]
 #: Runs whose logs are returned for the plots: (plant, trajectory, units).
 SHOWN = (('everything', 'ramp_20', 2), ('everything', 'moved', 2), ('everything', 'sine_0.5', 2),
@@ -116,7 +119,8 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
         controller, gains = CONTROLLERS[name], BaselineConfig()
         if controller.baseline:
             gains = baseline_gains(case.plant, case.units, name, trajectory.kind)
-        loop = loop_of(case.plant, case.units, controller, gains, case.seed)
+        better = diagnosed_model(case.plant, case.units) if name == DIAGNOSED else None
+        loop = loop_of(case.plant, case.units, controller, gains, case.seed, model=better)
         logs[name] = loop.run(trajectory)
         rows.append({'controller': name, **common, **row_of(logs[name], plant, loop.rig_config)})
         if controller.baseline:

@@ -28,6 +28,7 @@ from fam_bundle_ros.benchmarks.plants import model_of, plant_of, PLANTS
 from fam_bundle_ros.control import ControllerConfig, OuterConfig, PidConfig, PidGains, tune
 from fam_bundle_ros.control.adaptation import AdaptationConfig
 from fam_bundle_ros.control.baselines import BaselineConfig
+from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.plant import Dynamometer, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
 
@@ -76,6 +77,7 @@ CONTROLLERS = {
     'neglect': Controller('neglect'), 'batch': Controller(scheme='batch'),
     'all_on': Controller(scheme='all_on'),
     'untold_load': Controller(told_load=False), 'no_feedback': Controller(feedback=False),
+    'diagnosed': Controller(),
 }
 
 
@@ -94,19 +96,19 @@ def pid_settings(rig: RigConfig, delay: float, noise_factor: float) -> PidConfig
 
 def loop_of(plant: str, units: int, controller: Controller, baseline: BaselineConfig,
             seed: int = 1, noise: float = 1.0, deviation: tuple[float, float] = (1.0, 0.0),
-            ) -> ClosedLoop:
+            model: Bundle | None = None) -> ClosedLoop:
     """
     Return the closed loop of a case.
 
     ``baseline`` has the gains for the schemes without a model; ``noise`` is a factor on the noise
-    of the plant's sensors, ``deviation`` that of `ClosedLoop`.
+    of the plant's sensors, ``deviation`` that of `ClosedLoop`, ``model`` that of the controller.
     """
     kind = PLANTS[plant]
     config = ControllerConfig(policy=controller.policy, scheme=controller.scheme,
                               baseline=baseline,
                               outer=OuterConfig(feedback=controller.feedback, delay=kind.delay),
                               adaptation=AdaptationConfig(enabled=controller.feedback))
-    return ClosedLoop(plant_of(plant, units), model_of(plant, units), config, kind.rig,
+    return ClosedLoop(plant_of(plant, units), model or model_of(plant, units), config, kind.rig,
                       PERIOD, PID_PERIOD, pressure_gains(kind.delay),
                       pid_settings(kind.rig, kind.delay, kind.noise_factor),
                       kind.noise_factor * noise, seed, deviation=deviation,

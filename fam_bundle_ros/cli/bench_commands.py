@@ -32,7 +32,8 @@ def benchmark_control(
                                        'commas, or all.')] = 'all',
     controllers: Annotated[str, typer.Option(
         help='Run in addition to reversal_aware and equal_pressure: names separated by commas, '
-        'all, or none.')] = 'all',
+        'all, or none. Only by name: diagnosed, with the model that diagnose makes of 60 s of the '
+        'plant (up to two minutes for each).')] = 'all',
     full: Annotated[bool, typer.Option('--full', help='Every combination, not only every pair: '
                                        'minutes with --controllers none, else longer.')] = False,
     seeds: Annotated[str, typer.Option(help="Seeds of the sensors' noise, separated by commas."
@@ -53,7 +54,9 @@ def benchmark_control(
     from fam_bundle_ros.benchmarks import control
     from fam_bundle_ros.report import control_pages as pages
     known = [str(n) for n in control.UNITS]
-    others = [] if controllers == 'none' else pick(controllers, control.OTHERS, '--controllers')
+    others = {'none': [], 'all': list(control.OTHERS)}.get(controllers)
+    if others is None:
+        others = pick(controllers, (*control.OTHERS, control.DIAGNOSED), '--controllers')
     cases = control.cases_of(
         pick(plants, control.PLANTS, '--plants'),
         pick(trajectories, control.TRAJECTORIES, '--trajectories'),

@@ -176,7 +176,7 @@ def test_an_almost_flat_curve_is_no_rising_branch(tilt, bottom):
 
 
 def test_the_table_is_the_same_unit_by_unit_and_on_arrays():
-    """Two ways to fill it: equal forces, and a flat bottom ends where the force rises."""
+    """Equal forces, both shifted by friction; a flat bottom ends where the force rises."""
     grid = [[1e3 * k for k in range(101)], [2e3 * k for k in range(101)]]
 
     def force(unit, strain, rate, pressure, *_):
@@ -188,10 +188,14 @@ def test_the_table_is_the_same_unit_by_unit_and_on_arrays():
     tables = []
     for way in (tabulate.kernel, tabulate.plain):
         table = curve_table([0, 1], grid, True)
-        way(table, made_up(force, [0.0, 0.0], rows))
+        table.friction[:] = [-1.0, 2.0]
+        model = made_up(force, [0.0, 0.0], rows)
+        way(table, model)
         tables.append((table.force, table.bottom))
+        assert table.force[1][30] == unit_force(table, model, 1, grid[1][30])
     assert tables[0] == tables[1]
     assert tables[0][1] == [50, 70]
+    assert tables[0][0][1][0] == -2.0
 
 
 def test_a_model_without_push_back_has_no_force_below_zero():

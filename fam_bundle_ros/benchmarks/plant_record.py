@@ -1,0 +1,79 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A record of 60 s of a benchmark's plant, and the model that a user makes of it.
+
+Half a minute of strain sweeps at constant pressures, from one unit at a third of its largest
+pressure to all at the largest, then pressure ramps through all units and back at three constant
+strains: of friction at constant strain the sweeps show nothing. The pressures are those of the
+plant's own pressure loops, the readings those of its instruments.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from fam_bundle_ros.benchmarks.margins import PID_PERIOD, pid_settings, pressure_gains
+from fam_bundle_ros.benchmarks.plants import model_of, plant_of, PLANTS
+from fam_bundle_ros.control import PressurePid
+from fam_bundle_ros.data.measurement import build, Measurement
+from fam_bundle_ros.discovery import diagnose
+from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.plant import Dynamometer, Faults, Rig
+
+#: s: duration of the sweeps, and of the ramps; time to settle before each, which is not recorded.
+_HALF, _SETTLE = 30.0, 0.6
+#: Largest strain of the sweeps; shares of a unit's largest pressure; strains of the ramps.
+_MOST, _SHARES, _STRAINS = 0.2, (1 / 3, 2 / 3, 1.0), (0.04, 0.1, 0.16)
+#: Samples of the pressure loops per recorded row.
+_EVERY = 5
+
+
+@cache
+def diagnosed_model(name: str, units: int) -> Bundle:
+    """Return the effects that `diagnose` names on a `record`, as `fam_bundle add` writes them."""
+    return diagnose(model_of(name, units), record(name, units)).best
+
+
+def record(name: str, units: int, seed: int = 1) -> Measurement:
+    """Return a record of a plant of the benchmark; ``seed`` is that of the sensors' noise."""
+    kind = PLANTS[name]
+    rig = Rig(plant_of(name, units), replace(kind.rig, load=Dynamometer(0.0)), seed,
+              Faults(noise_factor=kind.noise_factor))
+    loops = [PressurePid(pressure_gains(kind.delay), pid_settings(
+        kind.rig, kind.delay, kind.noise_factor)) for _ in range(units)]
+    rows, reading = [], rig.readings
+    for trial, (duration, motion) in enumerate(_trials(model_of(name, units))):
+        for k in range(round(duration / PID_PERIOD)):
+            time = k * PID_PERIOD - _SETTLE
+            strain, pressure = motion(max(time, 0.0) / (duration - _SETTLE))
+            rig.impose_strain(strain)
+            reading = rig.step([loop.update(goal, now, PID_PERIOD, reading.supply)
+                                for loop, goal, now in zip(loops, pressure, reading.pressure)],
+                               PID_PERIOD)
+            if time >= 0.0 and k % _EVERY == 0:
+                rows.append((reading.time, trial, reading.strain, reading.force,
+                             *reading.pressure))
+    time, trial, strain, force, *pressures = np.array(rows).T
+    return build(f'{name}, {units} units', strain, np.array(pressures).T, force, trial.astype(int),
+                 time)
+
+
+def _trials(model: Bundle) -> Iterator[tuple[float, Callable[[float], tuple[float, np.ndarray]]]]:
+    """Yield the duration (s) of each trial, and strain and pressures (Pa) over the share of it."""
+    def filled(count):
+        """Return the pressures with ``count`` units filled in turn; a part fills the next."""
+        return np.clip(count - np.arange(model.n), 0.0, 1.0) * model.max_pressure
+
+    def there_and_back(share):
+        return 1.0 - abs(2.0 * share - 1.0)
+
+    levels = [0.0, *(k + share for k in range(model.n) for share in _SHARES)]
+    for level in levels:
+        yield _HALF / len(levels), lambda share, level=level: (
+            _MOST * there_and_back(share), filled(level))
+    for strain in _STRAINS:
+        yield _HALF / len(_STRAINS), lambda share, strain=strain: (
+            strain, filled(model.n * there_and_back(share)))
