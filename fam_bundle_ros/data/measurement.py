@@ -174,6 +174,15 @@ class Measurement(Told):
         return self.start if self.time is None else rates.begins(self.recording)
 
     @property
+    def remembers(self) -> bool:
+        """Whether the past of a trial is another trial: the clock runs on between them."""
+        return bool(self.restart.sum() < self.start.sum())
+
+    def afresh(self) -> 'Measurement':
+        """Return the same rows with a memory that starts anew with each trial."""
+        return replace(self, recording=self.trial)
+
+    @property
     def clock(self) -> np.ndarray:
         """Return the time, or for a static map seconds that merely count the rows, (T,)."""
         return np.arange(len(self), dtype=float) if self.time is None else self.time

@@ -177,11 +177,21 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
             raise InputError(f'{model.name} has {made.name} already; expected an effect that it '
                              'lacks')
     open_ = [item for item in listed if isinstance(item, str)]
-    shapes = (shape for item in open_ for shape in shapes_of(item, model))
-    search = Search(Options(model, reduce(model, data), choices, (*incoming, *shapes)))
+    shapes = [shape for item in open_ for shape in shapes_of(item, model)]
+    addable = (*incoming, *shapes)
     kept = had - set(replacing) - set(removing)
     asked = tuple(e.name for e in incoming[:len(listed)])
-    chosen, added = _best_shapes(search, kept | set(replacing.values()), asked, open_)
+
+    def best(data: Measurement) -> tuple[Search, Fit, tuple[str, ...]]:
+        search = Search(Options(model, reduce(model, data), choices, addable))
+        return search, *_best_shapes(search, kept | set(replacing.values()), asked, open_)
+
+    search, chosen, added = best(data)
+    if data.remembers and chosen.model.has_memory:
+        # as in a diagnosis: does the muscle remember the trial before?
+        anew = best(data.afresh())
+        if anew[1].posterior - chosen.posterior > settings.LEAST_LOSS:
+            data, (search, chosen, added) = data.afresh(), anew
     own = search.options.own
     log_odds = None if chosen.names == own else chosen.posterior - search.fit(own).posterior
     physics, held, residual = _alone(search, chosen, data)

@@ -13,6 +13,7 @@ over the sets, `verdict` gives the verdict. This module runs these steps and col
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 import time
 from typing import Any, NamedTuple
@@ -22,6 +23,7 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
+from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.artefacts import artefacts
 from fam_bundle_ros.discovery.cells import reduce
@@ -86,7 +88,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     """
     begun = time.perf_counter()
     choices = choices or Choices()
-    searched = Searched.of(model, measurement_of(model, measurement), choices, progress)
+    given = measurement_of(model, measurement)
+    searched = Searched.of(model, given, choices, progress)
     comparison, data, search = searched.comparison, searched.data, searched.search
     fitter, cells = search.fitter, search.fitter.cells
     if progress:
@@ -137,7 +140,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
         shapes_left=shapes if finding.verdict in ('unexplained', 'partial') else (),
         notes=tuple(dict.fromkeys(
             (*data.notes, *finding.notes, *late_or_lagging(cells, final, answer), *doubts,
-             *notes_on(cells, comparison.noise, base, final, held)))),
+             *notes_on(cells, comparison.noise, base, final, held,
+                       afresh=given.remembers and not searched.data.remembers)))),
         rows_left_out=int((cells.label < 0).sum()), confounding=confounding(final),
         held_out=held, recommended=recommended, leftover=leftover,
         leftover_before=before, likely=tuple(posterior.likely(joint.names)), traded=trades,
@@ -199,11 +203,33 @@ class Searched:
     @classmethod
     def of(cls, model: Bundle, measurement: Measurement, choices: Choices,
            progress: Progress = None, lengths: int = 1) -> Searched:
-        """Return the finished search; ``lengths`` as in `Options.of`."""
+        """
+        Return the finished search; ``lengths`` as in `Options.of`.
+
+        Where the clock runs on between trials, the muscle may remember the trial before, or not
+        (it was set anew): the search is that of the assumption under which the data are more
+        probable.
+        """
+        def begun(data: Measurement) -> Searched:
+            return cls._begun(model, data, choices, progress, lengths)
+
+        found = begun(measurement)
+        if measurement.remembers:
+            found.search.begin()  # often enough to tell, and much faster than a whole search
+            found = _likelier_past(found, measurement, begun)
+        found.search.run()
+        other = _likelier_past(found, measurement, begun)
+        if other is not found:
+            other.search.run()
+        return other
+
+    @classmethod
+    def _begun(cls, model: Bundle, measurement: Measurement, choices: Choices,
+               progress: Progress, lengths: int) -> Searched:
         comparison = compare(model, measurement)
         data, offsets = _tared(comparison.measurement, comparison.residual)
         options = Options.of(model, reduce(model, data), choices, lengths)
-        return cls(comparison, data, offsets, Search(options, progress).run())
+        return cls(comparison, data, offsets, Search(options, progress))
 
     def alone(self) -> Judged:
         """
@@ -240,6 +266,24 @@ class Searched:
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
         return Judged(chosen, found, physics, base, held, finding)
+
+
+def _likelier_past(found: Searched, measurement: Measurement,
+                   begun: Callable[[Measurement], Searched]) -> Searched:
+    """
+    Return a search, or one in which the memory starts anew with each trial, if that is likelier.
+
+    Compared by the most probable sets with a memory that were fitted so far.
+    """
+    likely = found.search.with_memory() if found.data.remembers else []
+    if not likely:
+        return found
+    other = begun(measurement.afresh())
+    # a lag of a pressure that changes between the trials only is then without influence
+    again = [other.search.fit(fit.names, fit.start, fit.hyper).posterior for fit in likely
+             if set(fit.names) <= set(other.search.options.effects)]
+    gain = max(again, default=-np.inf) - found.search.best.posterior
+    return other if gain > settings.LEAST_LOSS else found
 
 
 def _tared(data: Measurement, residual: np.ndarray) -> tuple[Measurement, Offsets | None]:

@@ -95,7 +95,7 @@ class Search:
             self._tell(min(depth, 5))
             found = {}
             for node in level:
-                for fit in self._expand(node, 2 if depth == 1 else 1):
+                for fit in self.begin() if node is null else self._expand(node, 1):
                     found[fit.names] = fit
             if not found:
                 break
@@ -111,6 +111,14 @@ class Search:
         self._settle()
         return self
 
+    def begin(self) -> list[Fit]:
+        """Return the most promising sets with one change, fitted."""
+        return self._singles
+
+    @cached_property
+    def _singles(self) -> list[Fit]:
+        return self._expand(self.fit(self.options.own), 2)
+
     @property
     def null(self) -> Fit:
         """The model with its own effects."""
@@ -120,6 +128,11 @@ class Search:
     def best(self) -> Fit:
         """The set of the highest posterior."""
         return max(self.fits.values(), key=lambda fit: fit.posterior)
+
+    def with_memory(self) -> list[Fit]:
+        """Return the most probable sets whose force depends on the past, of unlike effects."""
+        return _unlike(_ranked((fit for fit in self.fits.values() if fit.model.has_memory),
+                               _WHOLE))
 
     def fit(self, names: Names, start: Mapping[str, float] | None = None,
             hyper: Hyper | None = None) -> Fit:

@@ -235,8 +235,12 @@ def _rival(posterior: Posterior, tie: tuple[str, ...], chosen: Fit) -> Fit | Non
 
 
 def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldOut,
-             ) -> tuple[str, ...]:
-    """Return notes on the noise, rows left out, geometry that moved much, and the protocol."""
+             afresh: bool = False) -> tuple[str, ...]:
+    """
+    Return notes on the noise, rows left out, geometry that moved much, and the protocol.
+
+    ``afresh`` as `Measurement.afresh`: the clock runs on, and yet the memory starts anew.
+    """
     notes, data = [], cells.data
     if floor.note:
         notes.append(floor.note)
@@ -276,9 +280,10 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
     anew = int(data.restart.sum()) - 1
     remembers = [effect.name for effect in final.model.effects if effect.law.memory]
     if anew and remembers and not data.is_static:
+        why = ('the data are less probable if the muscle remembers the trial before' if afresh else
+               'the clock pauses or goes back there, or a file begins')
         notes.append(f'the memory of {" and ".join(remembers)} starts anew at '
-                     f'{counted(anew, "trial")}: the clock pauses or goes back there, or a file '
-                     'begins')
+                     f'{counted(anew, "trial")}: {why}')
     for unit, pressure, limit in zip(final.model.motor_units, data.pressure.T,
                                      final.model.max_pressure):
         if pressure.max() > NOISE_MARGIN * limit:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Diagnosis on the practice cases, the measured map, and data made by the catalogue itself."""
 
+from dataclasses import replace
 from functools import cache
 import json
 
@@ -22,6 +23,7 @@ from fam_bundle_ros.discovery import (
     read_measurement,
     Specimen,
 )
+from fam_bundle_ros.discovery.predict import motion
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue, dumps_model, load_model, Motion
 
@@ -237,6 +239,28 @@ def test_dry_friction_that_no_pressure_changes_is_not_taken_for_damping(paper_mu
     assert 'ten times' in result.next_experiment
     faster = diagnose(paper_muscle, triangles(truth, (0.05, 0.2)), choices=ALONE)
     assert faster.effects == ('coulomb_friction',)
+
+
+@pytest.mark.parametrize('forgets', [True, False])
+def test_whether_a_muscle_remembers_the_trial_before_is_told_by_the_data(paper_muscle, forgets):
+    """The clock runs on: friction may be relaxed at the start of each trial, or not."""
+    law = paper_muscle.with_effect(catalogue.get('presliding_dahl')(force=5.0, width=0.02))
+    once = np.concatenate([np.linspace(0.02, 0.18, 160), np.linspace(0.18, 0.06, 120)])
+    levels = np.array([300e3, 100e3, 400e3, 200e3])
+    time = 0.05 * np.arange(len(levels) * len(once))
+    strain, pressure = np.tile(once, len(levels)), np.repeat(levels, len(once))[:, None]
+    trial = np.repeat(np.arange(len(levels)), len(once))
+    force = np.random.default_rng(2).normal(0.0, 0.3, len(time))
+    log = build('log', strain, pressure, force, trial, time)
+    assert log.remembers
+    assert not log.afresh().remembers
+    log = replace(log, force=force + law.predict(motion(log.afresh() if forgets else log)))
+    result = diagnose(paper_muscle, log, choices=ALONE)
+    assert result.effects == ('presliding_hysteresis',)
+    assert result.error_N['best'] < 0.35
+    assert any('if the muscle remembers' in note for note in result.notes) == forgets
+    added = add_effect(paper_muscle, 'presliding_dahl', log)
+    assert added.error_N == pytest.approx(result.error_N['best'], abs=0.02)
 
 
 @pytest.mark.parametrize('late', [0.02, -0.02])

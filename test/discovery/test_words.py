@@ -288,6 +288,9 @@ def test_memory_that_starts_anew_is_told_of(paper_muscle, apart, effect, told):
     notes = notes_on(cells, SimpleNamespace(note=''), fit, fit,
                      SimpleNamespace(kinds={'trial': (1.0, 1.0)}))
     assert [told in note and effect in note for note in notes] == [True] * bool(told)
+    notes = notes_on(cells, SimpleNamespace(note=''), fit, fit,
+                     SimpleNamespace(kinds={'trial': (1.0, 1.0)}), afresh=True)
+    assert all(note.endswith('remembers the trial before') for note in notes)
 
 
 def test_pressures_above_the_models_limit_are_told_of(paper_muscle):
