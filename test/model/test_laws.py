@@ -254,6 +254,19 @@ def test_relaxation_is_that_of_a_standard_linear_solid():
     assert_allclose(excess[np.searchsorted(time, 3.0)], 0.1 * step / np.e, rtol=2e-3)
 
 
+def test_rubber_of_a_spectrum_relaxes_with_the_logarithm_of_time():
+    """Over each factor of two between the fastest and the slowest arm by the same force."""
+    plain = Bundle('one', units(1), [mesh()])
+    bundle = plain.with_effect('relaxation_spectrum', stiffness=100.0, time_constant=25.6)
+    time = np.append(0.0, np.geomspace(0.001, 100.0, 4001))
+    strain = np.where(time < 0.001, 0.0, 0.1)
+    motion = Motion(strain, np.full((len(time), 1), 1e5), np.zeros(len(time)), time, time == 0.0)
+    excess = (bundle.simulate(motion) - plain.simulate(motion))[:, 0]
+    assert_allclose(excess[1], -10.0, rtol=0.01)
+    fall = np.diff(np.interp([0.2, 0.4, 0.8, 1.6, 3.2, 6.4], time, excess))
+    assert_allclose(fall, 10.0 / 5.0 * np.log(2.0) / np.log(4.0), rtol=0.1)
+
+
 def test_stretching_braid_loses_force_with_the_square_of_pressure():
     """At zero strain the loss is 2 c pi r0^2 P^2/sin^2 a0 to first order (hoop balance)."""
     plain = Bundle('one', units(1), [mesh()])

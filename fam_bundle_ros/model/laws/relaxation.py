@@ -63,3 +63,30 @@ def relaxation_rubber(strain, start, dt, slow_part, last, stiffness, time_consta
     """
     slow = lag(slow_part, last, strain, time_constant, start, dt)
     return -stiffness * (strain - slow), slow, strain
+
+
+@law('loss', **_FAMILY, variant_of='viscoelastic_relaxation', look=('wine', 'dot'),
+     signature='the residual decays after each change of strain, over decades of time and equally '
+               'at every pressure',
+     memory=('part_1', 'part_2', 'part_3', 'part_4', 'part_5', 'last'), off={'stiffness': 0.0},
+     summary='rubber relaxes with the logarithm of time after a change of strain',
+     source='stress relaxation of rubber in proportion to log time (Gent 1962, J. Appl. Polym. '
+            'Sci. 6, 433); five Maxwell arms as a box spectrum',
+     stiffness=Parameter(60.0, 'N', 0.0, 5000.0, 'force of all arms per unit of strain'),
+     time_constant=Parameter(10.0, 's', 0.1, 300.0, 'slowest time constant'))
+def relaxation_spectrum(strain, start, dt, part_1, part_2, part_3, part_4, part_5, last,
+                        stiffness, time_constant):
+    """
+    Five equal Maxwell arms in strain, F = -k (e - mean(y_j)), tau_j dy_j/dt = e - y_j.
+
+    tau_j is tau, tau/4, ... tau/256: between the fastest and the slowest, the force after a step
+    falls in proportion to the logarithm of time. As in `relaxation_rubber`, a step of pressure at
+    a fixed strain has no effect.
+    """
+    after_1 = lag(part_1, last, strain, time_constant, start, dt)
+    after_2 = lag(part_2, last, strain, time_constant / 4.0, start, dt)
+    after_3 = lag(part_3, last, strain, time_constant / 16.0, start, dt)
+    after_4 = lag(part_4, last, strain, time_constant / 64.0, start, dt)
+    after_5 = lag(part_5, last, strain, time_constant / 256.0, start, dt)
+    slow = 0.2 * (after_1 + after_2 + after_3 + after_4 + after_5)
+    return -stiffness * (strain - slow), after_1, after_2, after_3, after_4, after_5, strain
