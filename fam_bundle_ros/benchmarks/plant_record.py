@@ -11,7 +11,7 @@ plant's own pressure loops, the readings those of its instruments.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -70,10 +70,14 @@ def _trials(model: Bundle) -> Iterator[tuple[float, Callable[[float], tuple[floa
     def there_and_back(share):
         return 1.0 - abs(2.0 * share - 1.0)
 
+    def swept(level: float, share: float) -> tuple[float, np.ndarray]:
+        return _MOST * there_and_back(share), filled(level)
+
+    def ramped(strain: float, share: float) -> tuple[float, np.ndarray]:
+        return strain, filled(model.n * there_and_back(share))
+
     levels = [0.0, *(k + share for k in range(model.n) for share in _SHARES)]
     for level in levels:
-        yield _HALF / len(levels), lambda share, level=level: (
-            _MOST * there_and_back(share), filled(level))
+        yield _HALF / len(levels), partial(swept, level)
     for strain in _STRAINS:
-        yield _HALF / len(_STRAINS), lambda share, strain=strain: (
-            strain, filled(model.n * there_and_back(share)))
+        yield _HALF / len(_STRAINS), partial(ramped, strain)

@@ -210,18 +210,28 @@ class Searched:
         (it was set anew): the search is that of the assumption under which the data are more
         probable.
         """
+        told = 0.0
+
+        def ahead(share: float, words: str) -> None:
+            nonlocal told
+            if progress and told < share < 0.9:  # a second search begins anew
+                told = share
+                progress(share, words)
+
         def begun(data: Measurement) -> Searched:
-            return cls._begun(model, data, choices, progress, lengths)
+            return cls._begun(model, data, choices, ahead, lengths)
 
         found = begun(measurement)
-        if measurement.remembers:
-            found.search.begin()  # often enough to tell, and much faster than a whole search
-            found = _likelier_past(found, measurement, begun)
+        if not measurement.remembers:
+            found.search.run()
+            return found
+        found.search.begin()  # often enough to tell, and much faster than a whole search
+        found = _likelier_past(found, measurement, begun)
         found.search.run()
-        other = _likelier_past(found, measurement, begun)
+        other = _likelier_past(found, measurement, begun, exchange=True)
         if other is not found:
             other.search.run()
-        return other
+        return max(found, other, key=lambda each: each.search.best.posterior)
 
     @classmethod
     def _begun(cls, model: Bundle, measurement: Measurement, choices: Choices,
@@ -269,20 +279,23 @@ class Searched:
 
 
 def _likelier_past(found: Searched, measurement: Measurement,
-                   begun: Callable[[Measurement], Searched]) -> Searched:
+                   begun: Callable[[Measurement], Searched], exchange: bool = False) -> Searched:
     """
-    Return a search, or one in which the memory starts anew with each trial, if that is likelier.
+    Return a search, or one with the other assumption on the trial before, if that is likelier.
 
-    Compared by the most probable sets with a memory that were fitted so far.
+    Compared by the most probable sets: those with a memory that were fitted so far, fitted again
+    under the other assumption and, after a whole search, exchanged there effect by effect. The
+    other assumption is that the memory starts anew with each trial or, if this is that of the
+    search, that the muscle remembers.
     """
-    likely = found.search.with_memory() if found.data.remembers else []
+    likely = found.search.with_memory()
     if not likely:
         return found
-    other = begun(measurement.afresh())
+    other = begun(measurement.afresh() if found.data.remembers else measurement)
     # a lag of a pressure that changes between the trials only is then without influence
-    again = [other.search.fit(fit.names, fit.start, fit.hyper).posterior for fit in likely
-             if set(fit.names) <= set(other.search.options.effects)]
-    gain = max(again, default=-np.inf) - found.search.best.posterior
+    other.search.near([fit for fit in likely
+                       if set(fit.names) <= set(other.search.options.effects)], exchange)
+    gain = other.search.best.posterior - found.search.best.posterior
     return other if gain > settings.LEAST_LOSS else found
 
 

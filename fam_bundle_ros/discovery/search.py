@@ -129,6 +129,14 @@ class Search:
         """The set of the highest posterior."""
         return max(self.fits.values(), key=lambda fit: fit.posterior)
 
+    def near(self, fits: Iterable[Fit], exchange: bool) -> None:
+        """Fit the sets of other fits, at least its own; then, if asked, exchange their effects."""
+        self.fit(self.options.own)
+        for fit in fits:
+            self.fit(fit.names, fit.start, fit.hyper)
+        if exchange:
+            self._around(_WHOLE, 11)
+
     def with_memory(self) -> list[Fit]:
         """Return the most probable sets whose force depends on the past, of unlike effects."""
         return _unlike(_ranked((fit for fit in self.fits.values() if fit.model.has_memory),

@@ -253,7 +253,10 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
             moved = _needs_recalibration(search)
             verdict = 'recalibrate' if moved else 'adequate'
     elif (refusals or after.total > max(negligible(cells), abnormal)
-          or after.beside > negligible(cells) and explained < settings.MOST_OF_IT):
+          or explained < settings.MOST_OF_IT and (
+              after.beside > negligible(cells)
+              # drift and vibration are no part of the discrepancy
+              or artefacts and rms(physics.residual) > negligible(cells))):
         verdict = 'unexplained'
     else:
         rest = structured or after.total > negligible(cells)

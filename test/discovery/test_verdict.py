@@ -449,6 +449,19 @@ def test_a_bent_law_is_an_answer_only_down_to_the_noise(search, monkeypatch, str
     assert any('widths of its prior' in words for words in finding.refusals) == structured
 
 
+@pytest.mark.parametrize(('drifts', 'share', 'verdict'), [
+    (True, 0.9, 'unexplained'), (True, 0.5, 'partial'), (False, 0.9, 'missing_effect')])
+def test_an_effect_smaller_than_the_drift_beside_it_explains_nothing(search, drifts, share,
+                                                                     verdict):
+    """Drift and vibration are no part of the discrepancy, but part of what is not explained."""
+    made = search(nothing=0.0, end_caps=30.0)
+    base = replace(made.null, residual=20.0 * np.sin(30.0 * made.fitter.cells.strain))
+    fit = replace(made.best, hyper=Hyper(white=0), residual=share * base.residual)
+    finding = judge(made, base, fit, fit, [Change('', 'end_caps')], GOOD,
+                    [Artefact('the force swings', 'look for pumps')] * drifts, likely=True)
+    assert finding.verdict == verdict
+
+
 @pytest.mark.parametrize(('verdict', 'doubt', 'named', 'told'), [
     ('missing_effect', {}, True, 0.99), ('partial', {}, True, 0.9), ('partial', {}, False, 0.5),
     ('partial', {'warnings': ('a drift',)}, True, 0.9),
