@@ -30,7 +30,7 @@ from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.discovery.held_out import beyond_cells, held_out, HeldOut
 from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
-from fam_bundle_ros.discovery.predict import matched, predict, stiffness
+from fam_bundle_ros.discovery.predict import likelier_past, matched, predict, stiffness
 from fam_bundle_ros.discovery.reading import measurement_of
 from fam_bundle_ros.discovery.result import Recommended
 from fam_bundle_ros.discovery.search import Search
@@ -359,7 +359,7 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     steps: list[dict[str, Any]] = []
     residuals = []
     for model in models:
-        own = matched(model, data)
+        own = likelier_past(model, matched(model, data))
         search = Search(Options(model, reduce(model, own), Choices()))
         _, held, residual = _alone(search, search.fit(search.options.own), own)
         steps.append({

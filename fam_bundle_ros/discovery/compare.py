@@ -36,6 +36,7 @@ from fam_bundle_ros.discovery.log_rows import spikes, stretches, unknown_directi
 from fam_bundle_ros.discovery.predict import (
     above_floor,
     free_mask,
+    likelier_past,
     matched,
     noise_of,
     predict,
@@ -168,7 +169,7 @@ class Comparison(Told):
 
 
 def compare(model: Bundle, measurement: Measurement | Any, *,
-            noise: NoiseFloor | None = None) -> Comparison:
+            noise: NoiseFloor | None = None, choose_past: bool = True) -> Comparison:
     """
     Compare a model with a measurement.
 
@@ -178,13 +179,17 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     measurement : Measurement, path, or DataFrame
     noise : NoiseFloor, optional
         By default estimated from the data.
+    choose_past : bool
+        Whether the memory may start anew with each trial, see `likelier_past`.
 
     Raises
     ------
     InputError
         If data and model have different motor units.
     """
-    data = matched(model, measurement_of(model, measurement))
+    data = given = matched(model, measurement_of(model, measurement))
+    if choose_past:
+        data = likelier_past(model, given)
     prediction = predict(model, data)
     residual = data.force - prediction
     slope = stiffness(model, data)
@@ -198,11 +203,14 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
         _part(maps['even']), _part(maps['odd']), _tables(data, residual, floor, past_free),
         locate(data, residual, floor.value, past_free), data, prediction, residual,
         None if slope is None else rms(residual / np.maximum(slope, 1e-3 * slope.max())),
-        slips(partial(predict, model), data, residual), _history(model, data))
+        slips(partial(predict, model), data, residual), _history(model, data, data is not given))
 
 
-def _history(model: Bundle, data: Measurement) -> str:
-    """Return in words which effects count from the first row of a log, as if none was before."""
+def _history(model: Bundle, data: Measurement, afresh: bool) -> str:
+    """Return in words what a log does not say of the muscle before it, and before its trials."""
+    if afresh:
+        return ('the memory of the model starts anew with each trial: the error is smaller than '
+                'if the muscle remembers the trial before')
     found = [effect.name for effect in model.effects if effect.law.across_trials]
     return '' if data.is_static or not found else (
         f'{" and ".join(found)} begin{"s" if len(found) == 1 else ""} at the first row: if the '

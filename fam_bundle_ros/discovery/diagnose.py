@@ -236,7 +236,7 @@ class Searched:
     @classmethod
     def _begun(cls, model: Bundle, measurement: Measurement, choices: Choices,
                progress: Progress, lengths: int) -> Searched:
-        comparison = compare(model, measurement)
+        comparison = compare(model, measurement, choose_past=False)
         data, offsets = _tared(comparison.measurement, comparison.residual)
         options = Options.of(model, reduce(model, data), choices, lengths)
         return cls(comparison, data, offsets, Search(options, progress))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fam_bundle_ros.data.grouping import ONE_STRAIN
+from fam_bundle_ros.data.grouping import ONE_STRAIN, rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.noise import noise_floor, NoiseFloor
 from fam_bundle_ros.data.rates import begins
@@ -78,6 +78,17 @@ def slope_in_strain(model: Bundle, data: Measurement) -> np.ndarray:
     """Return -dF/de of the model at rest in each row, (T,), N."""
     below, above = (model.force(data.strain + step, data.pressure) for step in (-STEP, STEP))
     return (below - above) / (2.0 * STEP)
+
+
+def likelier_past(model: Bundle, data: Measurement) -> Measurement:
+    """
+    Return data whose memory starts anew with each trial, if the model's error is smaller so.
+
+    The clock may run on between trials for which the muscle was set anew.
+    """
+    if not (data.remembers and model.has_memory):
+        return data
+    return min((data, data.afresh()), key=lambda each: rms(data.force - predict(model, each)))
 
 
 def stiffness(model: Bundle, data: Measurement) -> np.ndarray | None:
