@@ -16,7 +16,7 @@ import numpy as np
 from fam_bundle_ros.control.belief import (
     Belief,
     belief_of,
-    without_delays,
+    invertible,
     without_push_back,
 )
 from fam_bundle_ros.control.curves import (
@@ -161,7 +161,7 @@ class Allocator:
                  order: Sequence[int] | None = None, points: int = 97):
         self.bundle = bundle
         self.pushes_back = not neglect
-        self.inverted = without_delays(without_push_back(bundle) if neglect else bundle)
+        self.inverted = invertible(without_push_back(bundle) if neglect else bundle)
         limit = bundle.max_pressure if max_pressure is None else np.asarray(max_pressure, float)
         if limit.shape != (bundle.n,) or not np.all(limit > 0.0):
             raise InputError(f'max_pressure is {max_pressure}; expected {bundle.n} positive '

@@ -57,15 +57,16 @@ def without_push_back(bundle: Bundle) -> Bundle:
     return bundle
 
 
-def without_delays(bundle: Bundle) -> Bundle:
+def invertible(bundle: Bundle) -> Bundle:
     """
-    Return a bundle without the laws that only delay the pressure.
+    Return a bundle without the laws that have no useful inverse.
 
-    In one tick such a law lets hardly any change of the pressure through, so it has no inverse.
-    Their delay is a lag of the controller, see `delay_of`.
+    A law that only delays the pressure lets hardly any change of it through in one tick; its delay
+    is a lag of the controller, see `delay_of`. The inverse of a hysteresis in the pressure crosses
+    it to and fro with each change of sign of the noise: up to twenty times the air.
     """
     for effect in bundle.effects:
-        if effect.law.delay:
+        if effect.law.delay or effect.law.remembers_pressure:
             bundle = bundle.without_effect(effect.name)
     return bundle
 

@@ -7,7 +7,7 @@ import pytest
 
 from fam_bundle_ros.control import AdaptationConfig, ControllerConfig, RecruitmentController
 from fam_bundle_ros.control.adaptation import lag_of
-from fam_bundle_ros.control.belief import delay_of, without_delays
+from fam_bundle_ros.control.belief import delay_of, invertible
 from fam_bundle_ros.control.learnt import learnt_words
 from fam_bundle_ros.control.signals import Measurement, Reference
 from fam_bundle_ros.data.grouping import rms
@@ -42,7 +42,7 @@ def test_a_delay_of_the_model_is_the_lag_with_which_the_loop_begins(paper_bundle
     """It is no part of the inverse, which one sample could not move; adaptation starts from it."""
     late = paper_bundle.with_effect(name, time_constant=0.15)
     assert delay_of(late) == 0.15
-    assert without_delays(late).effects == paper_bundle.effects
+    assert invertible(late).effects == paper_bundle.effects
     controller = RecruitmentController(late)
     words = learnt_words(controller.settings.adaptation, controller.memory.adaptation, ['A', 'B'])
     assert words == ['the force comes 150 ms after the pressures']
@@ -55,6 +55,17 @@ def test_a_delay_of_the_model_is_the_lag_with_which_the_loop_begins(paper_bundle
     informed, ignorant = (rms(ClosedLoop(late, model=model, controller=fixed).run(task).error)
                           for model in (late, paper_bundle))
     assert informed < 0.6 * ignorant
+
+
+@pytest.mark.parametrize('name', ['pressure_hysteresis', 'pressure_dahl', 'pressure_friction'])
+def test_a_hysteresis_of_the_pressure_is_not_inverted(paper_bundle, name):
+    """Its inverse would cross it with each change of sign of the noise: air at rest."""
+    plant = paper_bundle.with_effect(name)
+    assert invertible(plant).effects == paper_bundle.effects
+    hold = Trajectory('hold', 'force', 3.0, lambda t: 40.0, lambda t: 0.0, Dynamometer(0.12),
+                      prepare=1.0)
+    log = ClosedLoop(plant).run(hold)
+    assert log.setpoint[log.time > 1.0].std(axis=0).max() < 1e3
 
 
 def up_and_down(t):

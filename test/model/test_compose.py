@@ -143,6 +143,8 @@ def test_dry_friction_alone_remembers_the_path():
     """Memory of time (relaxation, creep), of the pressure or of all strains is another."""
     assert {law.name for law in catalogue.available().values() if law.remembers_path} == {
         'presliding_hysteresis', 'presliding_dahl'}
+    assert {law.name for law in catalogue.available().values() if law.remembers_pressure} == {
+        'pressure_hysteresis', 'pressure_dahl', 'pressure_friction'}
     bundle = model.load_model('spie2021').with_effect('viscoelastic_relaxation').with_effect(
         'presliding_dahl')
     assert bundle.path_memory == (2, 3)

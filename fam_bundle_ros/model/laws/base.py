@@ -300,6 +300,12 @@ class Law:
             part.place is Place.LOSS and 'dt' not in part.arguments for part in self.parts)
 
     @property
+    def remembers_pressure(self) -> bool:
+        """Whether it changes the pressure by a memory of its path alone: hysteresis."""
+        return bool(self.memory) and all(
+            part.place is Place.PRESSURE and 'dt' not in part.arguments for part in self.parts)
+
+    @property
     def is_of_force_alone(self) -> bool:
         """Whether the reading with the law is a function of the force without it alone."""
         return all((part.place is Place.LIMIT or part.changes == 'force')
