@@ -86,7 +86,8 @@ def likelier_past(model: Bundle, data: Measurement) -> Measurement:
 
     The clock may run on between trials for which the muscle was set anew.
     """
-    if not (data.remembers and model.has_memory):
+    forgets = any(effect.law.memory and not effect.law.across_trials for effect in model.effects)
+    if not (data.remembers and forgets):
         return data
     return min((data, data.afresh()), key=lambda each: rms(data.force - predict(model, each)))
 
