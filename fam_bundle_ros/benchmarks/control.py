@@ -123,6 +123,8 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
         loop = loop_of(case.plant, case.units, controller, gains, case.seed, model=better)
         logs[name] = loop.run(trajectory)
         rows.append({'controller': name, **common, **row_of(logs[name], plant, loop.rig_config)})
+        if better:
+            rows[-1]['model'] = [effect.name for effect in better.effects]
         if controller.baseline:
             rows[-1]['gains'] = [getattr(gains, f'{trajectory.kind}_{part}')
                                  for part in ('gain', 'integral')] + [gains.filter_time]

@@ -4,9 +4,10 @@
 A record of 60 s of a benchmark's plant, and the model that a user makes of it.
 
 Half a minute of strain sweeps at constant pressures, from one unit at a third of its largest
-pressure to all at the largest, then pressure ramps through all units and back at three constant
-strains: of friction at constant strain the sweeps show nothing. The pressures are those of the
-plant's own pressure loops, the readings those of its instruments.
+pressure to all at the largest, then pressure ramps through all units and back at constant strains:
+of friction at constant strain the sweeps show nothing. Every other trial is three times as fast,
+as friction, damping and lag are alike at one speed. The pressures are those of the plant's own
+pressure loops, the readings those of its instruments.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,7 +27,9 @@ from fam_bundle_ros.plant import Dynamometer, Faults, Rig
 #: s: duration of the sweeps, and of the ramps; time to settle before each, which is not recorded.
 _HALF, _SETTLE = 30.0, 0.6
 #: Largest strain of the sweeps; shares of a unit's largest pressure; strains of the ramps.
-_MOST, _SHARES, _STRAINS = 0.2, (1 / 3, 2 / 3, 1.0), (0.04, 0.1, 0.16)
+_MOST, _SHARES, _STRAINS = 0.2, (1 / 3, 2 / 3, 1.0), (0.04, 0.08, 0.12, 0.16)
+#: Duration of every other trial over that of the others.
+_FASTER = 1 / 3
 #: Samples of the pressure loops per recorded row.
 _EVERY = 5
 
@@ -77,7 +80,7 @@ def _trials(model: Bundle) -> Iterator[tuple[float, Callable[[float], tuple[floa
         return strain, filled(model.n * there_and_back(share))
 
     levels = [0.0, *(k + share for k in range(model.n) for share in _SHARES)]
-    for level in levels:
-        yield _HALF / len(levels), partial(swept, level)
-    for strain in _STRAINS:
-        yield _HALF / len(_STRAINS), partial(ramped, strain)
+    for motion, values in ((swept, levels), (ramped, _STRAINS)):
+        shares = np.where(np.arange(len(values)) % 2, _FASTER, 1.0)
+        for value, duration in zip(values, _HALF * shares / shares.sum()):
+            yield duration, partial(motion, value)

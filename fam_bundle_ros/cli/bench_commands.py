@@ -49,7 +49,7 @@ def benchmark_control(
 
     By default every pair of plant, trajectory, number of units and further controller occurs, in
     a few minutes. The worst plant is listed first. The JSON has `rows` (one per run), `summary`
-    (`figures`, `plants`, `not_reached`) and `over_ros`.
+    (`figures`, `plants`, `diagnosed`, `not_reached`) and `over_ros`.
     """
     from fam_bundle_ros.benchmarks import control
     from fam_bundle_ros.report import control_pages as pages
@@ -66,6 +66,10 @@ def benchmark_control(
     table(pages.PLANT_HEAD, [pages.plant_cells(line) for line in result.summary['plants']],
           title='reversal_aware and equal_pressure, the worst plant first',
           numeric=tuple(range(1, len(pages.PLANT_HEAD))))
+    if lines := result.summary['diagnosed']:
+        table(pages.DIAGNOSED_HEAD, [pages.diagnosed_cells(line) for line in lines],
+              title='reversal_aware with the model that diagnose makes of a minute of the plant',
+              numeric=(1, 2, 3, 4, 5))
     table(pages.FIGURE_HEAD, [pages.figure_cells(figure) for figure in result.summary['figures']],
           title=f'{len(cases)} cases, {len(result.rows)} runs, {result.seconds:.0f} s',
           numeric=(1, 2, 3))

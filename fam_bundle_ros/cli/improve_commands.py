@@ -100,8 +100,8 @@ def add(
     console.print(f'added {result.what}: [bold]{number(result.error_before_N)} N -> '
                   f'{number(result.error_N)} N[/bold], {number(result.held_out_N)} N on held-out '
                   f'data; noise floor {number(result.noise.value)} N', soft_wrap=True)
-    if result.doubt:
-        console.print(result.doubt, soft_wrap=True)
+    for words in filter(None, (result.doubt, result.past)):
+        console.print(words, soft_wrap=True)
     if discrepancy:
         console.print(str(result.recommended), soft_wrap=True)
     parameter_table(result.parameters)

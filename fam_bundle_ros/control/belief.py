@@ -63,7 +63,7 @@ def invertible(bundle: Bundle) -> Bundle:
 
     A law that only delays the pressure lets hardly any change of it through in one tick; its delay
     is a lag of the controller, see `delay_of`. The inverse of a hysteresis in the pressure crosses
-    it to and fro with each change of sign of the noise: up to twenty times the air.
+    it to and fro with each change of sign of the noise: many times the air.
     """
     for effect in bundle.effects:
         if effect.law.delay or effect.law.remembers_pressure:

@@ -72,6 +72,9 @@ class Added(Told):
         both with a smooth discrepancy. None if the effects are the same.
     least_odds : float
         Lower odds do not separate the two models (`Choices.odds`).
+    afresh : bool
+        Whether the memory starts anew with each trial although the clock runs on, see
+        `Measurement.afresh`.
     """
 
     model: Bundle
@@ -87,6 +90,7 @@ class Added(Told):
     recommended: Recommended
     log_odds: float | None
     least_odds: float
+    afresh: bool = False
 
     @property
     def doubt(self) -> str:
@@ -101,6 +105,12 @@ class Added(Told):
                 f'{odds:.2g} to 1; {self.least_odds:.3g} to 1 would be clear)')
 
     @property
+    def past(self) -> str:
+        """What was assumed of the trial before, in words; empty where the clock tells."""
+        return ('the memory starts anew with each trial: the data are less probable if the muscle '
+                'remembers the trial before') if self.afresh else ''
+
+    @property
     def what(self) -> str:
         """The changes in words."""
         words = [name if name == asked else f'{name} (the shape of {asked} that fits best)'
@@ -112,7 +122,7 @@ class Added(Told):
     def __str__(self) -> str:
         return '\n'.join([f'added {self.what}: error {self.error_before_N:.3g} N -> '
                           f'{self.error_N:.3g} N, {self.held_out_N:.3g} N on held-out data; '
-                          f'{self.noise}', *filter(None, [self.doubt]),
+                          f'{self.noise}', *filter(None, [self.doubt, self.past]),
                           *(f'  {e}' for e in self.parameters)])
 
     def to_dict(self) -> dict[str, Any]:
@@ -122,7 +132,7 @@ class Added(Told):
                 'error_N': {'model': self.error_before_N, 'best': self.error_N,
                             'held_out': self.held_out_N},
                 'recommended': self.recommended.to_dict(), 'noise_floor_N': self.noise.value,
-                'log_odds': self.log_odds, 'least_odds': self.least_odds,
+                'log_odds': self.log_odds, 'least_odds': self.least_odds, 'afresh': self.afresh,
                 'parameters': {e.key: e.to_dict() for e in self.parameters}}
 
     def to_json(self) -> str:
@@ -187,10 +197,12 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         return search, *_best_shapes(search, kept | set(replacing.values()), asked, open_)
 
     search, chosen, added = best(data)
+    afresh = False
     if data.remembers and chosen.model.has_memory:
         # as in a diagnosis: does the muscle remember the trial before?
         anew = best(data.afresh())
-        if anew[1].posterior - chosen.posterior > settings.LEAST_LOSS:
+        afresh = anew[1].posterior - chosen.posterior > settings.LEAST_LOSS
+        if afresh:
             data, (search, chosen, added) = data.afresh(), anew
     own = search.options.own
     log_odds = None if chosen.names == own else chosen.posterior - search.fit(own).posterior
@@ -203,7 +215,8 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
     return Added(new, added, rms(data.force - predict(model, data)), rms(residual), held.physics,
                  floor_of(data, residual, stiffness(new, data)), tuple(parameters), asked,
                  replacing, tuple(removing),
-                 recommend(new, physics, chosen, held, search.fitter), log_odds, choices.odds)
+                 recommend(new, physics, chosen, held, search.fitter), log_odds, choices.odds,
+                 afresh)
 
 
 def _alone(search: Search, joint: Fit, data: Measurement) -> tuple[Fit, HeldOut, np.ndarray]:

@@ -225,7 +225,7 @@ class Searched:
         if not measurement.remembers:
             found.search.run()
             return found
-        found.search.begin()  # often enough to tell, and much faster than a whole search
+        # sets with one change are often enough to tell, and much faster than a whole search
         found = _likelier_past(found, measurement, begun)
         found.search.run()
         other = _likelier_past(found, measurement, begun, exchange=True)

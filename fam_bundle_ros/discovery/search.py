@@ -95,7 +95,7 @@ class Search:
             self._tell(min(depth, 5))
             found = {}
             for node in level:
-                for fit in self.begin() if node is null else self._expand(node, 1):
+                for fit in self.singles if node is null else self._expand(node, 1):
                     found[fit.names] = fit
             if not found:
                 break
@@ -111,12 +111,9 @@ class Search:
         self._settle()
         return self
 
-    def begin(self) -> list[Fit]:
-        """Return the most promising sets with one change, fitted."""
-        return self._singles
-
     @cached_property
-    def _singles(self) -> list[Fit]:
+    def singles(self) -> list[Fit]:
+        """The most promising sets with one change, fitted."""
         return self._expand(self.fit(self.options.own), 2)
 
     @property
@@ -130,7 +127,7 @@ class Search:
         return max(self.fits.values(), key=lambda fit: fit.posterior)
 
     def near(self, fits: Iterable[Fit], exchange: bool) -> None:
-        """Fit the sets of other fits, at least its own; then, if asked, exchange their effects."""
+        """Fit the model's own set and those of other fits; then exchange effects, if asked."""
         self.fit(self.options.own)
         for fit in fits:
             self.fit(fit.names, fit.start, fit.hyper)
@@ -138,9 +135,13 @@ class Search:
             self._around(_WHOLE, 11)
 
     def with_memory(self) -> list[Fit]:
-        """Return the most probable sets whose force depends on the past, of unlike effects."""
-        return _unlike(_ranked((fit for fit in self.fits.values() if fit.model.has_memory),
-                               _WHOLE))
+        """
+        Return the most probable sets whose force depends on the past, of unlike effects.
+
+        Before `run`, of the sets with one change.
+        """
+        fits = [*self.singles, *self.fits.values()]
+        return _unlike(_ranked((fit for fit in fits if fit.model.has_memory), _WHOLE))
 
     def fit(self, names: Names, start: Mapping[str, float] | None = None,
             hyper: Hyper | None = None) -> Fit:

@@ -19,6 +19,9 @@ PLANT_HEAD = ('plant', 'model error (N rms)', 'rms (N)', 'of equal pressure', 'r
               'air ratio', 'worst air', 'at switches (N)', 'the same, equal pressure',
               'moved ratio', 'switches', 'chatter')
 FIGURE_HEAD = ('figure', 'median', '90 % quantile', 'worst', 'target', 'worst on', '')
+#: With the model of a record, see `control_summary.summarise`.
+DIAGNOSED_HEAD = ('plant', 'units', 'rms over that before', 'worst', 'air', 'worst air',
+                  'effects of the new model')
 _KEYS = ('model_error', 'rms_N', 'rms_N_equal_pressure', 'rms_ratio', 'rms_ratio_worst',
          'air_ratio', 'air_ratio_worst', 'error_at_switches',
          'error_at_switches_equal_pressure', 'moved_ratio')
@@ -28,6 +31,13 @@ def plant_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
     """Return the row of a plant."""
     return (line['plant'], *(_short(line[key]) for key in _KEYS), line['switches'],
             line['chatter'])
+
+
+def diagnosed_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the row of a plant and a number of units with the model of a record."""
+    return (line['plant'], line['units'], *(_short(line[key]) for key in (
+        'rms_ratio', 'rms_ratio_worst', 'air_ratio', 'air_ratio_worst')),
+            ', '.join(line['model']))
 
 
 def figure_cells(figure: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -80,7 +90,8 @@ def benchmark_page(result: ControlBenchmark, model: Bundle, seeds: str,
                        [(line['plant'], PLANTS[line['plant']].words) for line in plants])]),
         Section('Targets', 'Over all plants and trajectories.',
                 [Table(FIGURE_HEAD, [figure_cells(figure) for figure in figures])]),
-        *_margins(result), *_over_ros(over_ros), *_shown_runs(result, model),
+        *_with_records(result), *_margins(result), *_over_ros(over_ros),
+        *_shown_runs(result, model),
         Section('Every run', 'Errors in N for a force, in strain for a strain. Gains: of the '
                 'baselines, gain, integral (1/s) and filter time (s).',
                 [_every_run(result)], folded=True)]
@@ -91,6 +102,16 @@ def benchmark_page(result: ControlBenchmark, model: Bundle, seeds: str,
         headline, sections,
         provenance(files, [('seeds', seeds),
                            ('kind of numbers', 'all simulated; nothing here is measured')]))
+
+
+def _with_records(result: ControlBenchmark) -> list[Section]:
+    """Return the controller with the models that `diagnose` makes of records, if it was run."""
+    lines = result.summary['diagnosed']
+    return [Section('With the model of a record', 'A minute of each plant is recorded, and the '
+                    'effects that diagnose names on it are added to the model. Ratios are medians '
+                    'over the trajectories; below 1 is better than with the model before.',
+                    [Table(DIAGNOSED_HEAD, [diagnosed_cells(line) for line in lines])]
+                    )] if lines else []
 
 
 def _margins(result: ControlBenchmark) -> list[Section]:

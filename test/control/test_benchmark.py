@@ -228,7 +228,8 @@ def test_summary_holds_ours_against_equal_pressure():
                  fake('surface', 'equal_pressure', 1.0, 2e-4, trajectory=f't{k}')]
     rows += [fake('nominal', 'reversal_aware', 0.1, chatter=True),
              fake('nominal', 'equal_pressure', 1.0), fake('nominal', 'neglect', 0.2),
-             fake('nominal', 'no_feedback', 0.08)]
+             fake('nominal', 'no_feedback', 0.08),
+             fake('surface', 'diagnosed', 0.25, 3e-4, trajectory='t0', model=['mesh', 'end_caps'])]
     found = summarise(rows)
     figures = {figure['figure']: figure for figure in found['figures']}
     tracking = figures['tracking rms over equal pressure']
@@ -242,6 +243,10 @@ def test_summary_holds_ours_against_equal_pressure():
     assert figures['dip at switches over that of neglect']['worst'] == pytest.approx(0.5)
     assert figures['nominal: rms over that without feedback']['worst'] == pytest.approx(1.25)
     assert figures['air over equal pressure, one unit is enough']['reached'] is None
+    assert found['diagnosed'] == [{
+        'plant': 'surface', 'units': 2, 'model': ['mesh', 'end_caps'], 'cases': 1,
+        **dict.fromkeys(('rms_ratio', 'rms_ratio_worst'), pytest.approx(0.5)),
+        **dict.fromkeys(('air_ratio', 'air_ratio_worst'), pytest.approx(3.0))}]
     assert [line['plant'] for line in found['plants']] == ['surface', 'nominal']
     assert found['plants'][0]['rms_ratio'] == pytest.approx(0.95)
     assert found['plants'][0]['air_ratio'] == pytest.approx(0.5)

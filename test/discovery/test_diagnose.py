@@ -261,6 +261,7 @@ def test_whether_a_muscle_remembers_the_trial_before_is_told_by_the_data(paper_m
     assert any('if the muscle remembers' in note for note in result.notes) == forgets
     added = add_effect(paper_muscle, 'presliding_dahl', log)
     assert added.error_N == pytest.approx(result.error_N['best'], abs=0.02)
+    assert ('starts anew with each trial' in str(added)) == forgets
     # the error of a model is one, whatever shows it
     compared = compare(added.model, log)
     assert compared.error_N == pytest.approx(added.error_N)
