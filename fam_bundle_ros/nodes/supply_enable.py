@@ -46,8 +46,14 @@ class SupplyEnable:
         self._confirmed = False
         # In lock-step time may stand still.
         self._timeout, self._period = (math.inf, 0.0) if node.lock_step else (timeout, PERIOD)
-        self._say(False)
+        #: What was sent last.
+        self.value = False
+        self._said = time.monotonic()
+        # In lock-step the first message goes with the first answer. After a false, which only
+        # nodes discovered already receive, the run would depend on whether a pressure loop
+        # receives the true or its setpoint first.
         if not node.lock_step:
+            self._say(False)
             node.every(PERIOD, self.repeat)
             node.subscribe(interface.SUPPLY_ENABLE, Bool, self._hear, interface.REPEATED)
 
@@ -84,9 +90,7 @@ class SupplyEnable:
         return True
 
     def _say(self, value: bool) -> None:
-        #: What was sent last.
-        self.value = value
-        self._said = time.monotonic()
+        self.value, self._said = value, time.monotonic()
         self._confirmed = self._confirmed and value
         self._send(value)
 

@@ -43,6 +43,18 @@ def test_every_answer_in_lock_step_repeats_supply_enable(graph, bundle):
     assert len(heard) - count >= len(graph.pacer.log) - steps - 2
 
 
+def test_no_supply_enable_comes_before_the_first_answer_in_lock_step(graph, bundle):
+    """
+    A pressure loop that has received a false answers a setpoint with a vent until it is told true.
+
+    The true and the setpoint are on two topics: which is received first would decide the run.
+    """
+    heard = graph.listen('supply_enable', Bool, interface.RELIABLE)
+    rig, _ = bundle()
+    graph.advance(rig, lambda: len(heard) > 5, 'supply_enable')
+    assert all(message.data for message in heard)
+
+
 def test_dwell_inside_the_overlap_does_not_chatter(graph, bundle):
     """A demand that both states can give, with noise, is held in one of them."""
     rig, _ = bundle(hold(79.0))

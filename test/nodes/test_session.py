@@ -191,11 +191,16 @@ def test_two_bundles_side_by_side(ros_context):
 
 
 class Hasher(BundleNode):
-    """Collects what goes round in the loop up to a stamp."""
+    """
+    Collects what goes round in the loop from a stamp on up to another.
+
+    A publisher in another process may send its first messages before it has discovered this node;
+    what comes later depends on them.
+    """
 
     TOPICS = ('force', 'mu1/valve_command', 'mu2/pressure')
 
-    def __init__(self, context, end):
+    def __init__(self, context, begin, end):
         super().__init__('hasher', (), context=context)
         self.rows = {}
         self.end = end
@@ -205,7 +210,7 @@ class Hasher(BundleNode):
                 ('mu2/pressure', FluidPressure, lambda m: m.fluid_pressure)):
             def take(message, topic=topic, read=read):
                 stamp = interface.stamp_ns(message.header.stamp)
-                if stamp <= end:
+                if begin <= stamp <= end:
                     self.rows[topic, stamp] = read(message)
             self.create_subscription(kind, topic, take, interface.LOCK_STEP)
 
@@ -225,7 +230,7 @@ def test_one_process_gives_what_six_give(domain_id):
     for processes in (1, 6):
         context = Context()
         context.init(domain_id=domain_id)
-        hasher = Hasher(context, 100 * 5_000_000)
+        hasher = Hasher(context, 20 * 5_000_000, 100 * 5_000_000)
         nodes = [hasher]
         running = []
         if processes == 1:
