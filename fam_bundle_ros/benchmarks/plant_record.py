@@ -6,8 +6,9 @@ A record of 60 s of a benchmark's plant, and the model that a user makes of it.
 Half a minute of strain sweeps at constant pressures, from one unit at a third of its largest
 pressure to all at the largest, then pressure ramps through all units and back at constant strains:
 of friction at constant strain the sweeps show nothing. Every other trial is three times as fast,
-as friction, damping and lag are alike at one speed. The pressures are those of the plant's own
-pressure loops, the readings those of its instruments.
+as friction, damping and lag are alike at one speed. The pressures are those of the plant's
+pressure loops, which are told volume and its rate by the model, the readings those of its
+instruments.
 """
 
 from collections.abc import Callable, Iterator
@@ -41,21 +42,34 @@ def diagnosed_model(name: str, units: int) -> Bundle:
 
 
 def record(name: str, units: int, seed: int = 1) -> Measurement:
-    """Return a record of a plant of the benchmark; ``seed`` is that of the sensors' noise."""
-    kind = PLANTS[name]
+    """
+    Return a record of a plant of the benchmark; ``seed`` is that of the sensors' noise.
+
+    Raises
+    ------
+    RuntimeError
+        A pressure trips the rig: what comes after it is no record of the plant.
+    """
+    kind, model = PLANTS[name], model_of(name, units)
     rig = Rig(plant_of(name, units), replace(kind.rig, load=Dynamometer(0.0)), seed,
               Faults(noise_factor=kind.noise_factor))
     loops = [PressurePid(pressure_gains(kind.delay), pid_settings(
         kind.rig, kind.delay, kind.noise_factor)) for _ in range(units)]
+    tube = kind.rig.chamber.tube_volume
     rows, reading = [], rig.readings
-    for trial, (duration, motion) in enumerate(_trials(model_of(name, units))):
-        for k in range(round(duration / PID_PERIOD)):
-            time = k * PID_PERIOD - _SETTLE
-            strain, pressure = motion(max(time, 0.0) / (duration - _SETTLE))
+    for trial, (duration, motion) in enumerate(_trials(model)):
+        times = np.arange(round(duration / PID_PERIOD)) * PID_PERIOD - _SETTLE
+        path = [motion(max(time, 0.0) / (duration - _SETTLE)) for time in times]
+        volumes = model.gas_volume(np.array([strain for strain, _ in path])) + tube
+        rates = np.gradient(volumes, PID_PERIOD, axis=0)
+        for k, (time, (strain, pressure)) in enumerate(zip(times, path)):
             rig.impose_strain(strain)
-            reading = rig.step([loop.update(goal, now, PID_PERIOD, reading.supply)
-                                for loop, goal, now in zip(loops, pressure, reading.pressure)],
-                               PID_PERIOD)
+            reading = rig.step([
+                loop.update(goal, now, PID_PERIOD, reading.supply, volume, rate)
+                for loop, goal, now, volume, rate in zip(
+                    loops, pressure, reading.pressure, volumes[k], rates[k])], PID_PERIOD)
+            if rig.e_stopped:
+                raise RuntimeError(f'the record of {name}: {rig.e_stopped}')
             if time >= 0.0 and k % _EVERY == 0:
                 rows.append((reading.time, trial, reading.strain, reading.force,
                              *reading.pressure))
