@@ -57,6 +57,7 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     demand.feedback = target.force - target.feed_forward
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
     demand.uncertainty = uncertainty(settings.outer, state.outer)
+    demand.model_error = settings.outer.model_error if settings.outer.feedback else 0.0
     doubt = doubt_of(state)
     demand.patience = patience(settings, state, doubt, dt)
     demand.doubt = doubt if state.crossings.count > 0 else 0.0

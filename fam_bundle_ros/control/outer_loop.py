@@ -236,12 +236,12 @@ def uncertainty(settings: Any, state: Any) -> float:
     """
     Return the uncertainty of the demand, N, which sets the margins of the state machine.
 
-    Three standard deviations of its noise, the error of the model's fit, and a tenth of the bias,
-    which was learnt at other pressures than those at which a unit is switched. A correction that
-    changes adds no uncertainty: it follows an observed error.
+    Three standard deviations of its noise, a tenth of the bias, which was learnt at other
+    pressures than those at which a unit is switched, and without feedback the error of the model's
+    fit. A correction that changes adds no uncertainty: it follows an observed error.
     """
-    return 3.0 * state.noise + settings.model_error + 0.1 * abs(
-        state.observer.bias) + 0.1
+    error = 0.0 if settings.feedback else settings.model_error
+    return 3.0 * state.noise + error + 0.1 * abs(state.observer.bias) + 0.1
 
 
 def outer_step(settings: Any, state: Any, measurement: Any, believed: float, asked: float,

@@ -41,7 +41,8 @@ class SwitchingConfig:
         Least time between a switch and the opposite one; with ``reversal_aware`` not for a
         reference beyond the limit.
     margin, hysteresis : float, N, optional
-        Switching margin and hysteresis; by default from the model's error and noise.
+        Switching margin and hysteresis; by default from noise and bias and, where nothing
+        corrects it (to release, or without feedback), the model's error.
     rest_time : float, s
         Time at rest after which a unit is released that the demand does not need, now or, at
         its present rate, within ``horizon``.

@@ -61,7 +61,11 @@ class Demand:
         Rate of the demand minus that of the present state's limit, which changes with strain.
     acceleration, jerk : float, N/s^2 and N/s^3
     uncertainty : float, N
-        Three standard deviations of the noise in the demand, plus the model's error.
+        Three standard deviations of the noise in the demand, a share of its correction and,
+        without feedback, the model's error.
+    model_error : float, N
+        Error of the model's fit. Feedback has corrected it in the present state, but not in the
+        state below.
     patience : float, s
         Duration of a crossing when there is time.
     doubt : float, N
@@ -84,6 +88,7 @@ class Demand:
     acceleration: float = 0.0
     jerk: float = 0.0
     uncertainty: float = 0.0
+    model_error: float = 0.0
     patience: float = 0.0
     doubt: float = 0.0
     feedback: float = 0.0
@@ -198,7 +203,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
     """
     machine.since += dt
     state, neglect = machine.state, settings.policy == NEGLECT
-    margin, band = widths(settings, demand)
+    margin, below, band = widths(settings, demand)
     recruit, width = math.nan, math.nan
     if state < len(machine.needed):
         # A state is left where the demand exceeds its uncertainty. RS0 is left early, but after
@@ -207,7 +212,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
                                 or demand.smooth_rate > at_rest(settings, table))
         recruit = table.top[state] + (-margin if early else margin)
         width = table.top[state] - table.crossing[state]
-    release = release_level(settings, table, state, margin, band) - machine.ahead
+    release = release_level(settings, table, state, below, band) - machine.ahead
     shown = machine.margins
     shown.recruit, shown.release, shown.limit = recruit, release, table.top[state]
     shown.width, shown.uncertainty = width, demand.uncertainty
@@ -222,7 +227,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             explain(reason, machine, table, demand, why, recruit)
             least = demand.force - band - min(_LEAD * max(demand.rate, 0.0), width)
             machine.ahead = max(
-                release_level(settings, table, state + 1, margin, band) - least, 0.0)
+                release_level(settings, table, state + 1, below, band) - least, 0.0)
             machine.excess = excess_over(table, demand, state) if why == BEYOND else math.inf
             machine.back = demand.force - demand.feedback <= machine.released
             if machine.back:
@@ -239,13 +244,15 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             switch(machine, demand, -1)
 
 
-def widths(settings: Any, demand: Any) -> tuple[float, float]:
-    """Return margin and hysteresis band, N: as set, or from the uncertainty."""
+def widths(settings: Any, demand: Any) -> tuple[float, float, float]:
+    """Return the margins to recruit and to release, and the hysteresis band, N."""
     if settings.policy == NEGLECT:
-        return 0.0, 0.0
-    margin = demand.uncertainty if math.isnan(settings.margin) else settings.margin
-    band = max(2.0 * margin, 0.5) if math.isnan(settings.hysteresis) else settings.hysteresis
-    return margin, band
+        return 0.0, 0.0, 0.0
+    margin = below = settings.margin
+    if math.isnan(margin):
+        margin, below = demand.uncertainty, demand.uncertainty + demand.model_error
+    band = max(2.0 * below, 0.5) if math.isnan(settings.hysteresis) else settings.hysteresis
+    return margin, below, band
 
 
 def release_level(settings: Any, table: Any, state: int, margin: float, band: float) -> float:

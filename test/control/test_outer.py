@@ -419,11 +419,13 @@ def test_an_integral_that_is_off_stays_off_where_friction_holds(paper_bundle):
     assert loop.state.integral == before
 
 
-def test_uncertainty_is_noise_and_error_and_a_tenth_of_the_bias(paper_bundle):
-    """Three standard deviations of its noise come on top of the model's own error."""
-    settings = SimpleNamespace(model_error=1.5)
+@pytest.mark.parametrize(('feedback', 'error'), [(False, 1.5), (True, 0.0)])
+def test_uncertainty_is_noise_and_a_tenth_of_the_bias_and_an_error_that_nothing_corrects(
+        feedback, error):
+    """Three standard deviations of its noise; without feedback the model's own error on top."""
+    settings = SimpleNamespace(model_error=1.5, feedback=feedback)
     state = SimpleNamespace(noise=0.2, observer=SimpleNamespace(bias=-3.0))
-    assert uncertainty(settings, state) == pytest.approx(0.6 + 1.5 + 0.3 + 0.1)
+    assert uncertainty(settings, state) == pytest.approx(0.6 + error + 0.3 + 0.1)
 
 
 @pytest.mark.parametrize('config', [

@@ -23,6 +23,8 @@ from fam_bundle_ros.control.switching import (
     SwitchingSettings,
     widths,
 )
+from fam_bundle_ros.plant import Dynamometer
+from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
 DT = 0.01
 
@@ -298,14 +300,14 @@ def test_a_demand_rises_as_far_as_its_turning_point(acceleration, jerk, horizon)
 
 def test_margins_and_levels_are_those_of_the_policy(made):
     """By hand where given; two margins of band otherwise, and none where doubt is neglected."""
-    table, demand = made(), Demand(uncertainty=3.0)
+    table, demand = made(), Demand(uncertainty=1.0, model_error=2.0)
 
     def settings(policy, margin=math.nan, hysteresis=math.nan):
         return SwitchingSettings(policy, 0.0, margin, hysteresis, 1.0, 1.0, 0.5, 0.1, 0.2, 1e6)
-    assert widths(settings(NEGLECT, 5.0, 7.0), demand) == (0.0, 0.0)
-    assert widths(settings(HYSTERESIS), demand) == (3.0, 6.0)
-    assert widths(settings(REVERSAL_AWARE), Demand(uncertainty=0.1)) == (0.1, 0.5)
-    assert widths(settings(REVERSAL_AWARE, 5.0, 7.0), demand) == (5.0, 7.0)
+    assert widths(settings(NEGLECT, 5.0, 7.0), demand) == (0.0, 0.0, 0.0)
+    assert widths(settings(HYSTERESIS), demand) == (1.0, 3.0, 6.0)
+    assert widths(settings(REVERSAL_AWARE), Demand(uncertainty=0.1)) == (0.1, 0.1, 0.5)
+    assert widths(settings(REVERSAL_AWARE, 5.0, 7.0), demand) == (5.0, 5.0, 7.0)
     for state in (1, 2):
         top, dip = table.top[state - 1], table.dip[state - 1]
         assert dip == pytest.approx(4.0)
@@ -325,3 +327,21 @@ def test_a_reference_that_jumps_beyond_the_limit_does_not_wait(made, feedback, w
     time, why = machine.tell(300.0, feedback=feedback, duration=2.0)
     assert why.startswith('recruit MU2')
     assert (time > 0.9) == waits
+
+
+def test_an_error_that_the_model_file_states_is_no_reason_to_leave_a_force_short(paper_bundle):
+    """
+    A slow ramp beyond the first unit's limit, with a model that says it is 15 N wrong.
+
+    Feedback sees how far the first unit is off: the second is recruited once it is missed, not
+    15 N later. To release it, the error counts: the first unit alone is not being measured.
+    """
+    limit = float(paper_bundle.force(0.12, [paper_bundle.max_pressure[0], 0.0]))
+    ramp = Trajectory('ramp', 'force', 15.0, lambda t: limit - 15.0 + 2.0 * max(t, 0.0),
+                      lambda t: 2.0, Dynamometer(0.12), prepare=1.0)
+    stated = paper_bundle.named(paper_bundle.name, error=15.0)
+    certain, doubtful = (ClosedLoop(paper_bundle, model=model).run(ramp)
+                         for model in (paper_bundle, stated))
+    assert certain.state.max() == doubtful.state.max() == 2
+    assert np.abs(doubtful.error).max() < np.abs(certain.error).max() + 1.0
+    assert doubtful.switches == certain.switches
