@@ -125,6 +125,7 @@ def run_case(case: Case) -> tuple[list[dict[str, Any]], dict[tuple[str, str, str
         rows.append({'controller': name, **common, **row_of(logs[name], plant, loop.rig_config)})
         if better:
             rows[-1]['model'] = [effect.name for effect in better.effects]
+            rows[-1]['model_error'] = model_error(case.plant, case.units, better)
         if controller.baseline:
             rows[-1]['gains'] = [getattr(gains, f'{trajectory.kind}_{part}')
                                  for part in ('gain', 'integral')] + [gains.filter_time]

@@ -24,8 +24,9 @@ def summarise(rows: list[dict[str, Any]]) -> dict[str, Any]:
         ``plant``, ``model_error`` (N), ``cases``, and median and worst of ``rms_ratio``,
         ``air_ratio``, ``dip_excess``, ``moved_ratio``, ``switches``, ``chatter``, ...
         ``diagnosed``: for each plant and number of units on which `diagnosed` ran, the worst
-        first: ``plant``, ``units``, ``model`` (names of effects), ``cases``, and median and worst
-        of its ``rms_ratio`` and ``air_ratio`` to `reversal_aware`. ``not_reached``: sentences.
+        first: ``plant``, ``units``, ``model`` (names of effects), ``model_error`` (N) and that of
+        the model before, ``cases``, and median and worst of its ``rms_ratio`` and ``air_ratio`` to
+        `reversal_aware`. ``not_reached``: sentences.
     """
     cases = _by_case(rows)
     figures = _figures(cases)
@@ -172,7 +173,8 @@ def _diagnosed(cases):
     for (plant, units), own in found.items():
         rms, air = map(rms_diagnosed, own), map(air_diagnosed, own)
         line = {'plant': plant, 'units': units, 'model': own[0]['diagnosed']['model'],
-                'cases': len(own)}
+                'model_error_before': own[0]['reversal_aware']['model_error'],
+                'model_error': own[0]['diagnosed']['model_error'], 'cases': len(own)}
         for name, values in (('rms_ratio', list(rms)), ('air_ratio', list(air))):
             line |= {name: float(np.median(values)), f'{name}_worst': max(values)}
         lines.append(line)

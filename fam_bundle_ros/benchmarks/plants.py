@@ -160,14 +160,15 @@ def plant_of(name: str, units: int) -> Any:
 
 
 @cache
-def model_error(name: str, units: int) -> float:
+def model_error(name: str, units: int, better: Bundle | None = None) -> float:
     """
-    Return the error of the controller's model on a plant, N rms, at rest.
+    Return the error of the controller's model, or of a ``better`` one, on a plant, N rms, at rest.
 
     Over slow pressure sweeps, up and down and from unit to unit in the order of recruitment, at
     constant strains: it includes friction and snap, but not dead time and lag.
     """
-    model, plant = model_of(name, units), plant_of(name, units)
+    plant = plant_of(name, units)
+    model = better or model_of(name, units)
     if plant is model:
         return 0.0
     shares = np.concatenate([np.linspace(0.0, units, 60 * units),
@@ -175,8 +176,8 @@ def model_error(name: str, units: int) -> float:
     pressure = (np.clip(shares[:, None] - np.arange(units), 0.0, 1.0) * model.max_pressure)
     squares = []
     for strain in (0.08, 0.12, 0.16, 0.20):
-        truth = sweep(plant, np.full(len(pressure), strain), pressure)
-        squares.append(np.mean((truth - model.force(strain, pressure)) ** 2))
+        path = np.full(len(pressure), strain)
+        squares.append(np.mean((sweep(plant, path, pressure) - sweep(model, path, pressure)) ** 2))
     return float(np.sqrt(np.mean(squares)))
 
 

@@ -20,8 +20,8 @@ PLANT_HEAD = ('plant', 'model error (N rms)', 'rms (N)', 'of equal pressure', 'r
               'moved ratio', 'switches', 'chatter')
 FIGURE_HEAD = ('figure', 'median', '90 % quantile', 'worst', 'target', 'worst on', '')
 #: With the model of a record, see `control_summary.summarise`.
-DIAGNOSED_HEAD = ('plant', 'units', 'rms over that before', 'worst', 'air', 'worst air',
-                  'effects of the new model')
+DIAGNOSED_HEAD = ('plant', 'units', 'model error before (N rms)', 'now', 'rms over that before',
+                  'worst', 'air', 'worst air', 'effects of the new model')
 _KEYS = ('model_error', 'rms_N', 'rms_N_equal_pressure', 'rms_ratio', 'rms_ratio_worst',
          'air_ratio', 'air_ratio_worst', 'error_at_switches',
          'error_at_switches_equal_pressure', 'moved_ratio')
@@ -36,8 +36,8 @@ def plant_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
 def diagnosed_cells(line: Mapping[str, Any]) -> tuple[Any, ...]:
     """Return the row of a plant and a number of units with the model of a record."""
     return (line['plant'], line['units'], *(_short(line[key]) for key in (
-        'rms_ratio', 'rms_ratio_worst', 'air_ratio', 'air_ratio_worst')),
-            ', '.join(line['model']))
+        'model_error_before', 'model_error', 'rms_ratio', 'rms_ratio_worst', 'air_ratio',
+        'air_ratio_worst')), ', '.join(line['model']))
 
 
 def figure_cells(figure: Mapping[str, Any]) -> tuple[Any, ...]:

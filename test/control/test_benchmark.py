@@ -229,7 +229,8 @@ def test_summary_holds_ours_against_equal_pressure():
     rows += [fake('nominal', 'reversal_aware', 0.1, chatter=True),
              fake('nominal', 'equal_pressure', 1.0), fake('nominal', 'neglect', 0.2),
              fake('nominal', 'no_feedback', 0.08),
-             fake('surface', 'diagnosed', 0.25, 3e-4, trajectory='t0', model=['mesh', 'end_caps'])]
+             fake('surface', 'diagnosed', 0.25, 3e-4, trajectory='t0', model=['mesh', 'end_caps'],
+                  model_error=1.5)]
     found = summarise(rows)
     figures = {figure['figure']: figure for figure in found['figures']}
     tracking = figures['tracking rms over equal pressure']
@@ -245,6 +246,7 @@ def test_summary_holds_ours_against_equal_pressure():
     assert figures['air over equal pressure, one unit is enough']['reached'] is None
     assert found['diagnosed'] == [{
         'plant': 'surface', 'units': 2, 'model': ['mesh', 'end_caps'], 'cases': 1,
+        'model_error_before': 5.0, 'model_error': 1.5,
         **dict.fromkeys(('rms_ratio', 'rms_ratio_worst'), pytest.approx(0.5)),
         **dict.fromkeys(('air_ratio', 'air_ratio_worst'), pytest.approx(3.0))}]
     assert [line['plant'] for line in found['plants']] == ['surface', 'nominal']
