@@ -58,14 +58,16 @@ def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: fl
 
 def place_bottoms(table: Any, model: Any) -> None:
     """
-    Move the bottom of a slack unit from the point of the table to the end of its flat.
+    Move the bottom of each unit from the point of the table to where the force begins to rise.
 
-    Else the least demand above the bottom would move the pressure across the rest of that cell.
+    The cell above that point begins with the rest of a slack unit's flat, or of a falling branch.
+    Else the least demand above the bottom would move the pressure across it, to and fro with the
+    noise of the demand.
     """
     for k in range(len(table.order)):
         unit = table.order[k]
         grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
-        if bottom == 0 or bottom + 1 >= len(grid) or curve[bottom - 1] > curve[bottom] + FLAT:
+        if bottom == 0 or bottom + 1 >= len(grid):
             continue
         wanted = curve[bottom] + FLAT
         if curve[bottom + 1] > wanted:

@@ -91,6 +91,9 @@ from fam_bundle_ros.control.transition import switch_units
 
 #: Pa: largest lasting error of a healthy pressure loop; more is a transient or a fault.
 _LOOSE = 5e3
+#: N, Pa, 1/s: far beyond any muscle, sensor and motion. A reading or reference beyond these, or a
+#: strain beyond 1, counts as missing: in the filters it would outlast its one sample by seconds.
+_MOST_FORCE, _MOST_PRESSURE, _FASTEST = 1e6, 1e9, 1e3
 
 
 @dataclass
@@ -240,8 +243,7 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     if not dt > 0.0:
         return
     command.reason.why = NONE
-    if not math.isfinite(measurement.force + measurement.strain + measurement.strain_rate
-                         + total_of(measurement.pressure) + value + rate):
+    if not is_usable(measurement, kind, value, rate):
         hold(settings, state, dt, command)
         return
     since, state.lost = dt + state.lost, 0.0
@@ -321,6 +323,15 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     if follows:
         leave_reference(table, model, command.pressure)
     keep_memory(model, follows)
+
+
+def is_usable(measurement: Any, kind: int, value: float, rate: float) -> bool:
+    """Return whether readings and reference are numbers that a muscle may have."""
+    most = _MOST_FORCE if kind == FORCE else 1.0
+    return (abs(measurement.force) <= _MOST_FORCE and abs(measurement.strain) <= 1.0
+            and abs(measurement.strain_rate) <= _FASTEST
+            and abs(total_of(measurement.pressure)) <= _MOST_PRESSURE
+            and abs(value) <= most and abs(rate) <= _FASTEST * most)
 
 
 def loop_error(table: Any, pressure: Any) -> float:

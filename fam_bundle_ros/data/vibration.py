@@ -37,7 +37,8 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     that is passed at constant speed is periodic in time too: means over cells of strain, or of a
     pressure, and direction must explain less, also with an amplitude for each trial, as of an
     error that grows with the pressure of isobars. Where most places are passed only once, there
-    are no such means, and more than two periods in a pass are required.
+    are no such means, and more than two periods in a pass are required. A sine with the period of
+    the strain or of a pressure must explain less too: it may be their effect with a lag.
 
     Parameters
     ----------
@@ -60,12 +61,18 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     step = max(float(np.median(steps[steps > 0.0])), longest / (_PADDED * max(map(len, trials))))
     length = round(longest / step) + 1
     frequency = np.fft.rfftfreq(_PADDED * length, step)
-    power, y = np.zeros(len(frequency)), np.zeros(len(values))
-    for rows in trials:
-        y[rows] = values[rows] - values[rows].mean()
-        place = np.round((clock[rows] - clock[rows[0]]) / step).astype(int)
-        even = np.bincount(place, y[rows], minlength=length)
-        power += 2.0 / len(rows) * np.abs(np.fft.rfft(even, _PADDED * length)) ** 2
+
+    def spectrum(of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sum of the periodograms of the trials, and the deviations from their means."""
+        power, y = np.zeros(len(frequency)), np.zeros(len(of))
+        for rows in trials:
+            y[rows] = of[rows] - of[rows].mean()
+            place = np.round((clock[rows] - clock[rows[0]]) / step).astype(int)
+            even = np.bincount(place, y[rows], minlength=length)
+            power += 2.0 / len(rows) * np.abs(np.fft.rfft(even, _PADDED * length)) ** 2
+        return power, y
+
+    power, y = spectrum(values)
     rows = np.concatenate(trials)
     total = float(y @ y)
     free = len(rows) - 3 * len(trials)
@@ -82,9 +89,14 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     place, once = _share_of_place(seen, y[rows])
     if once and frequency[peak] * _longest_pass(seen) <= 2.0:
         return None
-    # a sine over the place explains as much, within two standard errors of R^2
-    error = 2.0 * np.sqrt(max(place, 0.0) / len(rows)) * (1.0 - place)
-    if height / total <= place + 2.0 * error:
+    # sines with the periods of strain and pressures
+    driven = max((power[np.argmax(spectrum(column)[0])] / total
+                  for column in (measurement.strain, *measurement.pressure.T)
+                  if np.ptp(column) > 0.0), default=0.0)
+    other = max(place, driven)
+    # the other explains as much, within two standard errors of R^2
+    error = 2.0 * np.sqrt(max(other, 0.0) / len(rows)) * (1.0 - other)
+    if height / total <= other + 2.0 * error:
         return None
     return Vibration(float(1.0 / frequency[peak]), float(np.sqrt(2.0 * height / len(rows))))
 

@@ -162,6 +162,21 @@ def test_a_slack_unit_waits_where_it_begins_to_pull_not_at_the_point_of_the_tabl
     assert (waiting, pulling) == pytest.approx((63e3, 63.05e3), abs=6e3 / 60)
 
 
+def test_a_pressure_follows_its_demand_without_a_jump_where_a_falling_branch_ends(paper_bundle):
+    """
+    The model's lowest point lies between two points of the table, 2.6 kPa above the first.
+
+    A jump over it, to and fro with the noise of the demand, would be a limit cycle at rest.
+    """
+    curves = curves_of(paper_bundle, 0.12)
+    start = curves.top_force[0] + curves.bottom_force[1]
+    assert curves.dip[1] > 1.0
+    pressures = [allocate(paper_bundle, start + 1e-3 * k, 0.12, 2).pressure[1]
+                 for k in range(-20, 200)]
+    assert np.diff(pressures).min() >= 0.0
+    assert np.diff(pressures).max() < 100.0
+
+
 @pytest.mark.parametrize(('tilt', 'bottom'), [(0.0, 50), (1e-6, 55), (-1e-6, 50), (5e-5, 0)])
 def test_an_almost_flat_curve_is_no_rising_branch(tilt, bottom):
     """It ends where the force rises, or soon after, unless the slope before is a real one."""

@@ -471,6 +471,22 @@ def test_lost_readings_hold_then_vent_then_recover(paper_bundle):
     assert bench.hold(40.0, 1.0)[-1].state == 1
 
 
+@pytest.mark.parametrize('broken', [
+    {'force': 1e30}, {'strain': 1e30}, {'pressure': 1e200}, {'reference': 1e300}])
+def test_one_absurd_number_leaves_no_trace(paper_bundle, broken):
+    """As a NaN, it counts as missing: in a filter it would outlast its one sample by seconds."""
+    bench = Bench(paper_bundle, 0.1)
+    held = bench.hold(60.0, 1.0)[-1].pressure
+    given = {'force': 60.0, 'strain': 0.1, 'pressure': held[0], 'reference': 60.0, **broken}
+    command = bench.controller.update(
+        DT, Measurement(given['force'], given['strain'], 0.0, np.array([given['pressure'],
+                                                                       held[1]])),
+        Reference('force', given['reference']))
+    assert command.pressure == pytest.approx(held)
+    bench.hold(60.0, 1.0)
+    assert paper_bundle.force(0.1, bench.pressure) == pytest.approx(60.0, abs=0.5)
+
+
 def test_user_order_is_followed(bundles):
     """With the order given, that unit is filled first."""
     bench = Bench(bundles[3], 0.1, order=(2, 0, 1), outer=OPEN)

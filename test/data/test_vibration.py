@@ -91,6 +91,19 @@ def test_an_error_that_returns_with_the_pressure_is_no_vibration():
         0.7, rel=0.02)
 
 
+def test_an_error_with_the_period_of_one_pressure_is_no_vibration():
+    """As where the line of the second of two units lags; at another period it is one."""
+    sweeps = log(2, 800)
+    second = 2e5 + 1e5 * np.sin(2.0 * np.pi * sweeps.time / 1.42)
+    data = build('two units', sweeps.strain, np.stack([sweeps.pressure[:, 0], second], axis=-1),
+                 sweeps.force, sweeps.trial, sweeps.time)
+
+    def swing(period):
+        return 3.0 * np.cos(2.0 * np.pi * data.time / period) + 0.3 * noise(len(data))
+    assert vibration(data, swing(1.42), 0.3) is None
+    assert vibration(data, swing(1.1), 0.3).period == pytest.approx(1.1, rel=0.02)
+
+
 def test_a_pure_sine_is_found_without_a_warning():
     """Nothing else is left to compare it with."""
     data = log(1)
