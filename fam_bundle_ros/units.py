@@ -12,6 +12,8 @@ from fam_bundle_ros.errors import InputError
 if TYPE_CHECKING:
     import pint
 
+#: Largest strain rate, 1/s: full contraction in 0.03 s. No muscle is faster: a unit is wrong.
+FASTEST = 10.0
 #: Unit names that users write and that pint does not accept.
 _SPELLINGS = {'%': 'percent', '': 'dimensionless', '1': 'dimensionless', '-': 'dimensionless',
               'lbf': 'pound_force', 'deg': 'degree'}

@@ -11,7 +11,7 @@ import numpy as np
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.told import number
-from fam_bundle_ros.units import si_factor
+from fam_bundle_ros.units import FASTEST, si_factor
 
 _TURNED = 'with the sign of the force turned round (tension is positive)'
 #: Force as it may have been meant: (factor, words).
@@ -35,6 +35,8 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
           residual: np.ndarray) -> tuple[str, ...]:
     """
     Return what the data were probably meant to be, in words; empty where they fit as they are.
+
+    A strain that moves faster than any muscle is told from the clock alone.
 
     ``predict`` returns the force, (T,) N, of a measurement: a model knows how, this module does
     not. The residual (T,), N, is measured minus modelled force.
@@ -63,6 +65,15 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
     error, force, words = min(tries, key=lambda each: each[0] / (each[1] or np.inf))
     # the model may be poor, but that a muscle pushes where it says that it pulls is no misfit
     if error > _BETTER * now or error > _GOOD * force and words != _TURNED:
+        return _clock_slip(data)
+    return (*_clock_slip(data),
+            f'{words} the model would be off by {number(error)} N ({100 * error / force:.0f} % of '
+            f'the force), not {number(now)} N')
+
+
+def _clock_slip(data: Measurement) -> tuple[str, ...]:
+    moves = np.abs(data.strain_rate[data.strain_rate != 0.0])
+    if not len(moves) or np.median(moves) <= FASTEST:
         return ()
-    return (f'{words} the model would be off by {number(error)} N ({100 * error / force:.0f} % of '
-            f'the force), not {number(now)} N',)
+    return (f'the strain moves at {number(float(np.median(moves)))} 1/s, faster than any muscle '
+            f'({FASTEST:g} 1/s): in which unit is the time?',)

@@ -63,7 +63,7 @@ def vibration(measurement: Measurement, values: np.ndarray, noise: float) -> Vib
     frequency = np.fft.rfftfreq(_PADDED * length, step)
 
     def spectrum(of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sum of the periodograms of the trials, and the deviations from their means."""
+        """Return the sum of periodograms over the trials, and the deviations from their means."""
         power, y = np.zeros(len(frequency)), np.zeros(len(of))
         for rows in trials:
             y[rows] = of[rows] - of[rows].mean()

@@ -141,11 +141,13 @@ def averaged(data: Measurement, block: int) -> tuple[Measurement, np.ndarray]:
     """
     Return the log with each ``block`` of neighbours in a trial averaged into one row.
 
+    The first row of a trial stays as it is: the state at rest from which a memory begins.
+
     Also returned is in which rows, bool, strain or a pressure moved, or the motion turned round:
     the mean force is not the force at the mean state there.
     """
     position = np.arange(len(data)) - np.flatnonzero(data.start)[np.cumsum(data.start) - 1]
-    first = position % block == 0
+    first = (position == 0) | (position % block == 1 % block)
     label = np.cumsum(first) - 1
     mean = averages(label, int(label[-1]) + 1)
     columns, least = _movements(data)

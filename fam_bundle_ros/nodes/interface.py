@@ -70,8 +70,6 @@ APPLY_MODEL = 'apply_model'
 RESTORE_MODEL = 'restore_model'
 
 LOAD_CELL_FRAME = 'load_cell'
-#: Largest strain rate, 1/s: full contraction in 0.03 s, faster than any muscle.
-FASTEST = 10.0
 
 
 def unit_names(units: int) -> list[str]:

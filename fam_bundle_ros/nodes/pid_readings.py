@@ -19,7 +19,7 @@ from fam_bundle_ros.control.plausibility import InflowConfig, InflowWatch
 from fam_bundle_ros.control.safety import LATCH_TIME, OVER_PRESSURE_FACTOR, SUPPLY, trip_pressure
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
-from fam_bundle_ros.nodes.interface import FASTEST
+from fam_bundle_ros.units import FASTEST
 
 #: Lag from command to flow in addition to the dead time, s.
 _SPOOL_LAG = 2e-3

@@ -17,6 +17,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Meter, Report, WARN
+from fam_bundle_ros.units import FASTEST
 
 #: A change between two references above this share of the range is a step.
 _STEP = 0.02
@@ -86,9 +87,9 @@ class ReferenceIntake:
         value, rate = interface.read_strain(message, self._length)
         if math.isnan(rate):
             rate = self._strain_rate.update(time, value)
-        if not abs(rate) <= interface.FASTEST:
+        if not abs(rate) <= FASTEST:
             raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
-                             f'{interface.FASTEST:g}')
+                             f'{FASTEST:g}')
         return Reference('strain', _within(value, 1.0), rate)
 
     def _pressure(self, message: JointState, time: float) -> Reference:

@@ -24,6 +24,7 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, REMIND
 from fam_bundle_ros.nodes.diagnostics import Meter, Report
 from fam_bundle_ros.nodes.gate import Gate
+from fam_bundle_ros.units import FASTEST
 
 #: Cut-off of the low-pass for the differentiated strain, Hz.
 _RATE_CUTOFF = 20.0
@@ -153,15 +154,15 @@ class Sensing:
     def _read_strain(self, message: JointState) -> tuple[float, float]:
         """Return strain and rate; a strain that moves faster than any muscle is no reading."""
         strain, rate = interface.read_strain(message, self._length)
-        if not abs(rate) <= interface.FASTEST:
+        if not abs(rate) <= FASTEST:
             if not math.isnan(rate):
                 self._node.say('velocity', f'strain moves at {rate:.3g} 1/s by its velocity, '
-                               f'faster than any muscle ({interface.FASTEST:g} 1/s): wrong unit? '
+                               f'faster than any muscle ({FASTEST:g} 1/s): wrong unit? '
                                'The strain is differentiated instead')
             rate = self._rate.update(interface.stamp_ns(message.header.stamp), strain)
-            if abs(rate) > interface.FASTEST:
+            if abs(rate) > FASTEST:
                 self._node.say('fast', f'strain moves at {rate:.3g} 1/s by its readings, faster '
-                               f'than any muscle ({interface.FASTEST:g} 1/s): wrong unit? Unused')
+                               f'than any muscle ({FASTEST:g} 1/s): wrong unit? Unused')
                 strain = math.nan
         return strain, rate
 

@@ -8,6 +8,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.data.unit_slips import slips
 from fam_bundle_ros.units import si_factor
 
@@ -66,6 +67,19 @@ def test_columns_that_are_exchanged_or_turned_round_are_told(told, sweeps):
     assert words.startswith('with force and pressure exchanged the model would be off by')
     words, = told(strain=lambda strain: strain.max() + strain.min() - strain)
     assert words.startswith('with the strain turned round (positive when shorter)')
+
+
+def test_a_clock_in_another_unit_is_told_by_a_strain_that_no_muscle_reaches():
+    """0.2 of strain within 2 s, the seconds read as milliseconds; at the right clock nothing."""
+    time = 0.01 * np.arange(400)
+    strain = 0.1 - 0.1 * np.cos(np.pi * time)
+
+    def told_at(clock):
+        data = build('sweep', strain, np.full(400, 5e4), np.full(400, 50.0), time=clock)
+        return slips(lambda _: data.force, data, np.zeros(400))
+    assert told_at(time) == ()
+    words, = told_at(1e-3 * time)
+    assert 'faster than any muscle (10 1/s): in which unit is the time?' in words
 
 
 def test_what_is_no_slip_is_not_told(told):

@@ -21,6 +21,7 @@ from fam_bundle_ros.discovery.log_rows import (
     thinned,
     unknown_direction,
 )
+from fam_bundle_ros.discovery.predict import predict
 from fam_bundle_ros.model import load_model, Motion
 
 
@@ -150,27 +151,47 @@ def test_stays_end_with_trial_direction_and_distance(sweeps):
 
 
 def test_neighbours_are_averaged_in_blocks_trial_by_trial(one_way):
-    """A block has rows of one trial; the last of each may be shorter."""
+    """The first row of a trial stays; blocks have rows of one trial, the last may be shorter."""
     long_log, (found, blurred) = one_way, averaged(one_way, 7)
     assert not blurred.any()
-    assert len(found) == 715 + 429
+    assert len(found) == 716 + 430
     for name in ('time', 'strain', 'force', 'strain_rate'):
         values = getattr(long_log, name)
-        assert_allclose(getattr(found, name)[3], values[21:28].mean())
-        assert_allclose(getattr(found, name)[714], values[4998:5000].mean())
-        assert_allclose(getattr(found, name)[715], values[5000:5007].mean())
-    assert_allclose(found.pressure[714:716, 0], [1e5, 3e5])
-    assert np.bincount(found.trial).tolist() == [715, 429]
+        assert_allclose(getattr(found, name)[[0, 716]], values[[0, 5000]])
+        assert_allclose(getattr(found, name)[3], values[15:22].mean())
+        assert_allclose(getattr(found, name)[715], values[4999:5000].mean())
+        assert_allclose(getattr(found, name)[717], values[5001:5008].mean())
+    assert_allclose(found.pressure[715:717, 0], [1e5, 3e5])
+    assert np.bincount(found.trial).tolist() == [716, 430]
+
+
+def test_a_lag_begins_from_the_state_of_the_first_row(one_way, paper_muscle):
+    """The pressure steps in the second row: its mean with the first is no state of rest."""
+    pressure = one_way.pressure.copy()
+    pressure[1:5000] += 2e5
+    time = 1e-3 * np.arange(8000)
+    log = replace(one_way, strain=np.full(8000, 0.1), pressure=pressure, time=time,
+                  strain_rate=np.zeros(8000))
+    model = paper_muscle.with_effect('pressure_line_lag', time_constant=0.05)
+    found, _ = averaged(log, 8)
+    begun = found.trial == 0
+    exact = np.interp(found.time[begun], time, predict(model, log))
+    assert_allclose(predict(model, found)[begun], exact, atol=0.1 * np.ptp(exact))
 
 
 def test_averages_over_both_directions_are_known(long_log, paper_muscle):
     """The mean of friction both ways is that of none: they are in no cell."""
     found, blurred = averaged(long_log, 8)
     turned = np.flatnonzero(np.diff(long_log.direction) != 0)
-    inside = turned[turned % 8 != 7] // 8
+    row = np.arange(8000)
+    # in each trial one row, then blocks of 8
+    block = np.where(row < 5000, (row + 7) // 8, 626 + (row - 5000 + 7) // 8)
+    assert np.bincount(long_log.trial).tolist() == [5000, 3000]
+    inside = block[turned][block[turned] == block[turned + 1]]
     assert len(inside) > 5
     assert np.flatnonzero(blurred).tolist() == sorted(set(inside))
-    assert np.all(found.direction[1:][~blurred[1:]] == long_log.direction[8::8][~blurred[1:]])
+    begin = np.flatnonzero(np.diff(block, prepend=-1))
+    assert np.all(found.direction[~blurred] == long_log.direction[begin][~blurred])
 
 
 def test_noise_of_a_gauge_at_rest_is_no_movement(one_way):
@@ -190,11 +211,11 @@ def test_averages_over_a_step_of_the_pressure_are_in_no_cell(one_way, paper_musc
     step[2005:5000] += 2e5
     log = replace(one_way, pressure=step)
     found, blurred = averaged(log, 7)
-    assert np.flatnonzero(blurred).tolist() == [286]
-    assert len(found) == 715 + 429
+    assert np.flatnonzero(blurred).tolist() == [287]
+    assert len(found) == 716 + 430
     monkeypatch.setattr(settings, 'ROWS', 1143)
     cells = reduce(paper_muscle, log, most=2000)
-    assert cells.label[286] == -1
+    assert cells.label[287] == -1
     assert cells.unused['averages over a step of strain or pressure, or over a turn'] == 1
 
 
@@ -213,8 +234,8 @@ def test_a_long_log_is_thinned_and_a_short_one_is_not(one_way):
     long_log = one_way
     assert thinned(long_log, 8000)[0] is long_log
     few, _ = thinned(long_log, 2000)
-    assert 2000 <= len(few) <= 2002
-    assert_allclose(few.strain[:3], long_log.strain[:12].reshape(3, 4).mean(axis=1))
+    assert 2000 <= len(few) <= 2004
+    assert_allclose(few.strain[1:4], long_log.strain[1:13].reshape(3, 4).mean(axis=1))
     fewest, _ = thinned(long_log, 100)
     assert 80 <= len(fewest) <= 100 + 24
     assert fewest.time.min() < 4.0

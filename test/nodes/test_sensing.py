@@ -14,6 +14,7 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.diagnostics import Report
+from fam_bundle_ros.units import FASTEST
 
 
 def test_samples_that_waited_call_no_timer_more_often_than_its_period(graph):
@@ -59,9 +60,9 @@ def test_a_strain_that_moves_faster_than_any_muscle_is_no_reading(graph, velocit
                                  velocity=velocity)
             message.header.stamp = interface.to_stamp(k * 10**7)
             yield heard._read_strain(message)[0]
-    assert all(math.isfinite(strain) for strain in strains(0.9 * interface.FASTEST * 0.01))
+    assert all(math.isfinite(strain) for strain in strains(0.9 * FASTEST * 0.01))
     assert 'fast' not in node._said
-    assert math.isnan(list(strains(3.0 * interface.FASTEST * 0.01))[-1])
+    assert math.isnan(list(strains(3.0 * FASTEST * 0.01))[-1])
     assert 'fast' in node._said
 
 
