@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 import functools
 import inspect
+import os
 from pathlib import Path
 import shlex
 import sys
@@ -31,8 +32,19 @@ _PIPE_WIDTH = 160
 SAY = 10.0
 #: Default model: the bundle of the paper. Commands say when they use it.
 PAPER = 'spie2021'
+
+
+class PatientConsole(Console):
+    """A console whose reader may leave early (``| head``): the command still writes its files."""
+
+    def on_broken_pipe(self) -> None:
+        """Write no more, and carry on."""
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 #: Console of the results; progress and notes go to `notes`, so that a pipe gets only results.
-console = Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
+console = PatientConsole(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 notes = Console(stderr=True, highlight=False)
 
 def _page_to_write(path: Path | None) -> Path | None:

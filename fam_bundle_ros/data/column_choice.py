@@ -230,9 +230,12 @@ class Choices:
         if len(best) > 1:
             self._refuse(best, f'may be {shown(key)}, as another may')
             names = ' and '.join(f"'{header}'" for header, _ in best[:3])
+            of_units = ' '.join(f'--columns "pressure.mu{k + 1}={header}"'
+                                for k, (header, _) in enumerate(best))
             raise InputError(
                 f'{self.table.name}: {names} both may be {shown(key)}; expected one, or to be '
                 f'told, for example --columns "{shown(key)}={best[0][0]}"'
+                + f', or one for each motor unit, {of_units}' * (key == 'pressure')
                 + f', or their sum, "force={" + ".join(header for header, _ in best)}"'
                 # axes, or a raw and a filtered one, do not add up
                 * (key == 'force' and all(match.part for _, match in best)))

@@ -159,6 +159,20 @@ def test_the_installed_command_reports_its_status(repository, tmp_path):
         "fam_bundle: this command needs plotly: pip install 'fam_bundle_ros[tools]'"]
 
 
+def test_a_reader_that_leaves_early_costs_no_file(repository, tmp_path):
+    """`fam_bundle ... | head`: the pipe is closed, and the numbers are still written."""
+    read, write = os.pipe()
+    os.close(read)
+    found = subprocess.run(
+        [sys.executable, '-m', 'fam_bundle_ros.cli', 'map', '--json', 'map.json'], cwd=tmp_path,
+        stdout=write, stderr=subprocess.PIPE, text=True, timeout=120, check=False,
+        env={**os.environ, 'PYTHONPATH': str(repository)})
+    os.close(write)
+    assert found.returncode == 0, found.stderr
+    assert 'Traceback' not in found.stderr
+    assert (tmp_path / 'map.json').exists()
+
+
 def test_an_unexpected_error_is_a_short_line(fam_bundle, monkeypatch):
     """A bug ends in one line and status 1; --debug lets the traceback through."""
     def broken(*arguments, **options):
