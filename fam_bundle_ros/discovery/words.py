@@ -88,8 +88,10 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
     if finding.verdict == 'recalibrate':
         far = ', '.join(f'{p.key.partition(".")[2]} {u:+.1f}' for p, u in zip(
             base.priors, base.u) if abs(u) > 0.2)
+        rest = (f'what is left is below {settings.SMALL:.0%} of the largest force, where no '
+                'effect is looked for' if _above_noise(error) else 'no effect is missing')
         return (f"the model's own parameters explain {_down_to('the error', error)} (tolerances "
-                f'moved: {far or "little"}); no effect is missing{faint}')
+                f'moved: {far or "little"}); {rest}{faint}')
     if finding.verdict == 'unexplained':
         if finding.artefacts:
             return '; '.join(artefact.words for artefact in finding.artefacts)
@@ -133,10 +135,14 @@ def _left(finding: Finding, best: float) -> str:
     return f'a smooth discrepancy of {number(left, 2)} N is left{near}'
 
 
+def _above_noise(error: Mapping[str, float]) -> bool:
+    return error['used'] ** 2 - error['noise'] ** 2 > (settings.VISIBLE * error['used']) ** 2
+
+
 def _down_to(noise_only: str, error: Mapping[str, float]) -> str:
     """Return what is explained: the words for all but noise, or that more is left."""
     best, noise, used = error['best'], error['noise'], error['used']
-    if used ** 2 - noise ** 2 > (settings.VISIBLE * used) ** 2:
+    if _above_noise(error):
         return (f'the error down to {used:.3g} N rms, above the noise floor of {noise:.3g} N, '
                 'without a further shape that is known')
     if best ** 2 - used ** 2 > (settings.VISIBLE * best) ** 2:

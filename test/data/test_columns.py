@@ -72,7 +72,8 @@ def test_what_is_no_reading_of_the_muscle_is_not_taken(header):
 def test_both_ends_of_a_line_may_be_the_pressure_of_the_muscle(log):
     """Neither is preferred for its name, nor is either taken for that of a motor unit untold."""
     data = table(log, pressure=('p_in [bar]', log[2] / 1e5))
-    with pytest.raises(InputError, match=r"'p_in \[bar\]' and 'p_out \[bar\]' both may be") as told:
+    match = r"'p_in \[bar\]' and 'p_out \[bar\]' both may be"
+    with pytest.raises(InputError, match=match) as told:
         read_measurement({**data, 'p_out [bar]': 0.9 * log[2] / 1e5})
     assert str(told.value).endswith('one for each motor unit, --columns "pressure.mu1=p_in [bar]" '
                                     '--columns "pressure.mu2=p_out [bar]"')

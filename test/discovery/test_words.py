@@ -183,6 +183,8 @@ def test_a_model_that_is_right_or_off_in_its_dimensions_lacks_nothing():
     assert said('recalibrate') == (
         "the model's own parameters explain the error (tolerances moved: radius -1.2, "
         'factor +4.0); no effect is missing')
+    assert said('recalibrate', best=3.0).endswith(
+        '; what is left is below 1% of the largest force, where no effect is looked for')
 
 
 def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
