@@ -93,7 +93,7 @@ from fam_bundle_ros.control.transition import switch_units
 _LOOSE = 5e3
 #: N, Pa, 1/s: far beyond any muscle, sensor and motion. A reading or reference beyond these, or a
 #: strain beyond 1, counts as missing: in the filters it would outlast its one sample by seconds.
-_MOST_FORCE, _MOST_PRESSURE, _FASTEST = 1e6, 1e9, 1e3
+_MOST_FORCE, _MOST_PRESSURE, _MOST_RATE = 1e6, 1e9, 1e3
 
 
 @dataclass
@@ -329,9 +329,9 @@ def is_usable(measurement: Any, kind: int, value: float, rate: float) -> bool:
     """Return whether readings and reference are numbers that a muscle may have."""
     most = _MOST_FORCE if kind == FORCE else 1.0
     return (abs(measurement.force) <= _MOST_FORCE and abs(measurement.strain) <= 1.0
-            and abs(measurement.strain_rate) <= _FASTEST
+            and abs(measurement.strain_rate) <= _MOST_RATE
             and abs(total_of(measurement.pressure)) <= _MOST_PRESSURE
-            and abs(value) <= most and abs(rate) <= _FASTEST * most)
+            and abs(value) <= most and abs(rate) <= _MOST_RATE * most)
 
 
 def loop_error(table: Any, pressure: Any) -> float:
