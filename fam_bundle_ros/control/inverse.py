@@ -58,22 +58,61 @@ def invert(table: Any, model: Any, units: Any, first: int, last: int, wanted: fl
 
 def place_bottoms(table: Any, model: Any) -> None:
     """
-    Move the bottom of each unit from the point of the table to where the force begins to rise.
+    Move the bottom of a slack unit from the point of the table to the end of its flat.
 
-    The cell above that point begins with the rest of a slack unit's flat, or of a falling branch.
-    Else the least demand above the bottom would move the pressure across it, to and fro with the
-    noise of the demand.
+    Else the least demand above the bottom would move the pressure across the rest of that cell.
     """
     for k in range(len(table.order)):
         unit = table.order[k]
-        grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
-        if bottom == 0 or bottom + 1 >= len(grid):
-            continue
-        wanted = curve[bottom] + FLAT
-        if curve[bottom + 1] > wanted:
-            table.bottom_pressure[unit] = invert(table, model, table.order, k, k + 1, wanted,
-                                                 grid[bottom], grid[bottom + 1], curve[bottom],
-                                                 curve[bottom + 1])
+        if table.bottom[unit] > 0 and not falls(table, unit):
+            move_bottom(table, model, k)
+
+
+def hold_bottoms(table: Any, model: Any, shares: Any, pressure: Any, count: int, doubt: float
+                 ) -> None:
+    """
+    Move the bottom of units that have risen to where the force is as at the point of the table.
+
+    In between the falling branch ends: the least demand above the bottom moves the pressure across
+    it. While the noise of the demand may do so again, a unit that has risen does not return.
+    Otherwise it waits before that place, where its force hardly depends on its pressure.
+
+    Parameters
+    ----------
+    table, model : CurveTable, Belief
+    shares : Shares
+        Of the tick before.
+    pressure : list (n,), Pa
+        Commanded in the tick before.
+    count : int
+        The first ``count`` units, in order, are active.
+    doubt : float, N
+        Noise of the demand.
+    """
+    spare = -shares.missing
+    for k in range(count):
+        unit = table.order[k]
+        bottom = table.bottom[unit]
+        if (bottom > 0 and falls(table, unit) and spare <= doubt
+                and pressure[unit] > table.grid[unit][bottom]):
+            move_bottom(table, model, k)
+        spare = table.top_force[unit] - shares.force[unit]
+
+
+def falls(table: Any, unit: int) -> bool:
+    """Return whether a branch falls to the bottom of a unit, which is none of a slack one."""
+    curve, bottom = table.force[unit], table.bottom[unit]
+    return curve[bottom - 1] > curve[bottom] + FLAT
+
+
+def move_bottom(table: Any, model: Any, k: int) -> None:
+    """Move the bottom of the k-th unit in order to the end of what does not rise in its cell."""
+    unit = table.order[k]
+    grid, curve, bottom = table.grid[unit], table.force[unit], table.bottom[unit]
+    if bottom + 1 < len(grid) and curve[bottom + 1] > curve[bottom] + FLAT:
+        table.bottom_pressure[unit] = invert(
+            table, model, table.order, k, k + 1, curve[bottom] + FLAT, grid[bottom],
+            grid[bottom + 1], curve[bottom], curve[bottom + 1])
 
 
 def set_fixed(table: Any, model: Any, fixed: Any, shares: Any) -> None:

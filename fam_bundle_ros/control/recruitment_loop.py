@@ -31,7 +31,7 @@ from fam_bundle_ros.control.baselines import (
     forget_baseline,
     play,
 )
-from fam_bundle_ros.control.crossing import Crossings, no_crossings
+from fam_bundle_ros.control.crossing import Crossings, doubt_of, no_crossings
 from fam_bundle_ros.control.curves import (
     adapted,
     curve_table,
@@ -48,7 +48,7 @@ from fam_bundle_ros.control.curves import (
 from fam_bundle_ros.control.demand import set_demand
 from fam_bundle_ros.control.friction import half_band, is_settled, learn_friction
 from fam_bundle_ros.control.heading import heading_of, HeadingState
-from fam_bundle_ros.control.inverse import place_bottoms, Shares, total_of
+from fam_bundle_ros.control.inverse import hold_bottoms, place_bottoms, Shares, total_of
 from fam_bundle_ros.control.jump import begin_jump, Jump, step_of
 from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer import command_lag
@@ -318,6 +318,8 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     if settings.scheme != ALL_ON:
         set_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)
+        hold_bottoms(table, model, state.shares, command.pressure, state.machine.state,
+                     state.demand.uncertainty + doubt_of(state))
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     if follows:

@@ -471,6 +471,23 @@ def test_lost_readings_hold_then_vent_then_recover(paper_bundle):
     assert bench.hold(40.0, 1.0)[-1].state == 1
 
 
+def test_a_demand_at_the_limit_of_a_unit_moves_the_next_one_across_its_kink_once(paper_bundle):
+    """
+    The demand goes up and down by 10 mN: across 1.6 kPa to and fro it would be a limit cycle.
+
+    Once the demand has fallen by more than its uncertainty, the unit returns.
+    """
+    bench = Bench(paper_bundle, 0.11, outer=OPEN, still=0.0)
+    bench.hold(80.0, 1.0)
+    table = bench.controller.memory.table
+    limit = table.top_force[0] + table.bottom_force[1]
+    waits = bench.hold(limit - 3.0, 0.1)[-1].pressure[1]
+    second = [bench.hold(limit + 0.01 * (-1) ** k, 0.04)[-1].pressure[1] for k in range(20)]
+    assert min(second) > waits + 1.5e3
+    assert np.ptp(second) < 300.0
+    assert bench.hold(limit - 3.0, 0.1)[-1].pressure[1] == pytest.approx(waits, abs=1.0)
+
+
 @pytest.mark.parametrize('broken', [
     {'force': 1e30}, {'strain': 1e30}, {'pressure': 1e200}, {'reference': 1e300}])
 def test_one_absurd_number_leaves_no_trace(paper_bundle, broken):
