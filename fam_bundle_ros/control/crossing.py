@@ -160,14 +160,17 @@ def doubt_of(state: Any) -> float:
     """
     Return the uncertainty of the force while a unit is crossing, N.
 
-    From the standard deviation of the push-back that is crossed, and the bias, which was found
-    with other units active.
+    That of the push-back, and the bias, which was found with other units active.
     """
-    outer, learnt, dip = state.outer, state.adaptation, 0.0
-    n = len(state.table.order)
+    return doubt_of_push(state) + abs(state.outer.observer.bias)
+
+
+def doubt_of_push(state: Any) -> float:
+    """Return the standard deviation of the largest push-back of a unit, N."""
+    n, dip = len(state.table.order), 0.0
     for unit in range(n):
         dip = max(dip, state.table.dip[unit])
-    return math.sqrt(max(learnt.covariance[n][n], 0.0)) * dip + abs(outer.observer.bias)
+    return math.sqrt(max(state.adaptation.covariance[n][n], 0.0)) * dip
 
 
 def crossing_time(table: Any, unit: int, usual: float, patience: float) -> float:

@@ -9,7 +9,7 @@ from fam_bundle_ros.control.crossing import doubt_of
 from fam_bundle_ros.control.curves import top_at
 from fam_bundle_ros.control.heading import follow_heading, heading_now, rest_at
 from fam_bundle_ros.control.jump import is_recent
-from fam_bundle_ros.control.outer_loop import FORCE, STRAIN, uncertainty
+from fam_bundle_ros.control.outer_loop import FORCE, STRAIN, uncertainties
 from fam_bundle_ros.control.spread import reserve
 from fam_bundle_ros.control.transition import patience
 
@@ -56,8 +56,7 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     demand.force, demand.rate = target.force, speed - limit_speed
     demand.feedback = target.force - target.feed_forward
     demand.acceleration, demand.jerk = acceleration - limit_acceleration, jerk - limit_jerk
-    demand.uncertainty = uncertainty(settings.outer, state.outer)
-    demand.model_error = settings.outer.model_error if settings.outer.feedback else 0.0
+    demand.uncertainty, demand.more_below = uncertainties(settings.outer, state.outer)
     doubt = doubt_of(state)
     demand.patience = patience(settings, state, doubt, dt)
     demand.doubt = doubt if state.crossings.count > 0 else 0.0

@@ -232,16 +232,19 @@ def forget_outer(state: Any) -> None:
     state.started = state.taking_over = False
 
 
-def uncertainty(settings: Any, state: Any) -> float:
+def uncertainties(settings: Any, state: Any) -> tuple[float, float]:
     """
-    Return the uncertainty of the demand, N, which sets the margins of the state machine.
+    Return the uncertainty of the demand, N, and how much larger it is in the state below.
 
-    Three standard deviations of its noise, a tenth of the bias, which was learnt at other
-    pressures than those at which a unit is switched, and without feedback the error of the model's
-    fit. A correction that changes adds no uncertainty: it follows an observed error.
+    They set the margins of the state machine. Three standard deviations of the noise, a tenth of
+    the bias, which was learnt at other pressures than those at which a unit is switched, and the
+    error of the model's fit, which feedback corrects in the present state. A correction that
+    changes adds no uncertainty: it follows an observed error.
     """
-    error = 0.0 if settings.feedback else settings.model_error
-    return 3.0 * state.noise + error + 0.1 * abs(state.observer.bias) + 0.1
+    seen = 3.0 * state.noise + 0.1 * abs(state.observer.bias) + 0.1
+    if settings.feedback:
+        return seen, settings.model_error
+    return seen + settings.model_error, 0.0
 
 
 def outer_step(settings: Any, state: Any, measurement: Any, believed: float, asked: float,

@@ -31,7 +31,7 @@ from fam_bundle_ros.control.baselines import (
     forget_baseline,
     play,
 )
-from fam_bundle_ros.control.crossing import Crossings, doubt_of, no_crossings
+from fam_bundle_ros.control.crossing import Crossings, doubt_of_push, no_crossings
 from fam_bundle_ros.control.curves import (
     adapted,
     curve_table,
@@ -318,8 +318,9 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     if settings.scheme != ALL_ON:
         set_demand(settings, model, state, kind, rate, dt)
         switch_units(settings, state, dt, command)
-        hold_bottoms(table, model, state.shares, command.pressure, state.machine.state,
-                     state.demand.uncertainty + doubt_of(state))
+        if kind == FORCE:  # the strain loop's correction is held against noise: `still`
+            hold_bottoms(table, model, state.shares, command.pressure, state.machine.state,
+                         state.demand.uncertainty + doubt_of_push(state))
     spread(settings, model, state, outer.target.force, dt)
     write_command(settings, state, outer.target.force, command)
     if follows:

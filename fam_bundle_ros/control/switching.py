@@ -60,12 +60,8 @@ class Demand:
     rate : float, N/s
         Rate of the demand minus that of the present state's limit, which changes with strain.
     acceleration, jerk : float, N/s^2 and N/s^3
-    uncertainty : float, N
-        Three standard deviations of the noise in the demand, a share of its correction and,
-        without feedback, the model's error.
-    model_error : float, N
-        Error of the model's fit. Feedback has corrected it in the present state, but not in the
-        state below.
+    uncertainty, more_below : float, N
+        Uncertainty, and how much larger it is in the state below: `outer_loop.uncertainties`.
     patience : float, s
         Duration of a crossing when there is time.
     doubt : float, N
@@ -88,7 +84,7 @@ class Demand:
     acceleration: float = 0.0
     jerk: float = 0.0
     uncertainty: float = 0.0
-    model_error: float = 0.0
+    more_below: float = 0.0
     patience: float = 0.0
     doubt: float = 0.0
     feedback: float = 0.0
@@ -250,7 +246,7 @@ def widths(settings: Any, demand: Any) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     margin = below = settings.margin
     if math.isnan(margin):
-        margin, below = demand.uncertainty, demand.uncertainty + demand.model_error
+        margin, below = demand.uncertainty, demand.uncertainty + demand.more_below
     band = max(2.0 * below, 0.5) if math.isnan(settings.hysteresis) else settings.hysteresis
     return margin, below, band
 

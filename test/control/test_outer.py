@@ -15,7 +15,7 @@ from fam_bundle_ros.control.outer_loop import (
     outer_step,
     OuterState,
     STRAIN,
-    uncertainty,
+    uncertainties,
 )
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.signals import MeasurementRecord
@@ -270,7 +270,7 @@ def test_a_load_that_the_integral_finds_is_no_doubt_of_the_demand(paper_bundle):
     begun = loop.run(0.1, force=20.0, believed=20.0, kind=STRAIN, duration=3.0).force
     grown = loop.run(0.11, force=20.0, believed=20.0, kind=STRAIN, duration=2.2).force
     assert grown > begun + 50.0
-    assert uncertainty(loop.settings, loop.state) < loop.settings.model_error + 1.0
+    assert sum(uncertainties(loop.settings, loop.state)) < loop.settings.model_error + 1.0
 
 
 def test_pressures_are_worked_out_for_a_strain_within_reach(paper_bundle):
@@ -419,13 +419,13 @@ def test_an_integral_that_is_off_stays_off_where_friction_holds(paper_bundle):
     assert loop.state.integral == before
 
 
-@pytest.mark.parametrize(('feedback', 'error'), [(False, 1.5), (True, 0.0)])
+@pytest.mark.parametrize(('feedback', 'expected'), [(False, (2.5, 0.0)), (True, (1.0, 1.5))])
 def test_uncertainty_is_noise_and_a_tenth_of_the_bias_and_an_error_that_nothing_corrects(
-        feedback, error):
+        feedback, expected):
     """Three standard deviations of its noise; without feedback the model's own error on top."""
     settings = SimpleNamespace(model_error=1.5, feedback=feedback)
     state = SimpleNamespace(noise=0.2, observer=SimpleNamespace(bias=-3.0))
-    assert uncertainty(settings, state) == pytest.approx(0.6 + error + 0.3 + 0.1)
+    assert uncertainties(settings, state) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize('config', [
@@ -448,7 +448,8 @@ def test_a_bias_that_is_being_found_is_no_doubt_of_the_demand(paper_bundle):
     loop.run(40.0, force=40.0, believed=40.0, duration=1.0)
     for duration in (0.02, 0.1, 0.5, 1.0):
         loop.run(40.0, force=15.0, believed=40.0, duration=duration)
-        assert uncertainty(loop.settings, loop.state) < loop.settings.model_error + 2.5 + 1.0
+        assert (sum(uncertainties(loop.settings, loop.state))
+                < loop.settings.model_error + 2.5 + 1.0)
 
 
 def test_a_table_of_the_load_is_linear_between_its_points(paper_bundle):
@@ -476,4 +477,4 @@ def test_the_noise_that_a_demand_is_said_to_have_is_what_it_has(paper_bundle, ga
         demands.append(np.array(demand))
     found = np.std((demands[1] - demands[0])[1000:])
     assert np.mean(told[4000:]) == pytest.approx(found, rel=0.2)
-    assert uncertainty(loop.settings, loop.state) >= 3.0 * told[-1]
+    assert sum(uncertainties(loop.settings, loop.state)) >= 3.0 * told[-1]

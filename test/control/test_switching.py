@@ -300,7 +300,7 @@ def test_a_demand_rises_as_far_as_its_turning_point(acceleration, jerk, horizon)
 
 def test_margins_and_levels_are_those_of_the_policy(made):
     """By hand where given; two margins of band otherwise, and none where doubt is neglected."""
-    table, demand = made(), Demand(uncertainty=1.0, model_error=2.0)
+    table, demand = made(), Demand(uncertainty=1.0, more_below=2.0)
 
     def settings(policy, margin=math.nan, hysteresis=math.nan):
         return SwitchingSettings(policy, 0.0, margin, hysteresis, 1.0, 1.0, 0.5, 0.1, 0.2, 1e6)
