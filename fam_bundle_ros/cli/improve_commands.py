@@ -138,6 +138,8 @@ def ladder(
         f'{words} {number(result.rivals_N[name])} N' for name, words in (
             ('mean', 'mean force'), ('plane', 'plane'),
             ('empirical', 'six-parameter empirical form'))))
+    if result.doubt:
+        console.print(result.doubt, soft_wrap=True)
     console.print(escape(str(result.noise)), soft_wrap=True)
     if len(orders) > 1:
         table(('in this order', 'error after each step (N)'),

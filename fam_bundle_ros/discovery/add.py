@@ -305,8 +305,9 @@ class Ladder(Told):
     Attributes
     ----------
     steps : list of dict
-        ``step`` (name), ``error_N`` (model as given), ``refitted_N``, ``held_out_N`` (refits on
-        held-out folds), ``rows``.
+        ``step`` (name), ``error_N`` (model as given), ``refitted_N``, ``held_out_N`` (refits
+        without held-out folds), ``rows``, ``seen``: whether values or tables of the model may come
+        from a fit to these rows, which makes the held-out error too small.
     noise : NoiseFloor
         Estimated with the best model.
     data : str
@@ -329,7 +330,14 @@ class Ladder(Told):
                   f"{s['held_out_N']:9.3g}" for s in self.steps]
         lines.append('on the same held-out rows: ' + ', '.join(
             f'{name} {value:.3g} N' for name, value in self.rivals_N.items()))
-        return '\n'.join([*lines, str(self.noise)])
+        return '\n'.join([*lines, *filter(None, [self.doubt]), str(self.noise)])
+
+    @property
+    def doubt(self) -> str:
+        """Which held-out errors may be too small, and why; empty for none."""
+        seen = [step['step'] for step in self.steps if step['seen']]
+        return f"""{', '.join(seen)}: fitted before, or with a table; if to these rows, the """ \
+            'held-out error is too small. Let the model before the fit be the first' if seen else ''
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, lists and text."""
@@ -356,6 +364,10 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     """
     Return the errors of models on the same data, in the order given.
 
+    A model that was fitted before (it states its error) is refitted from the geometry of the first
+    and the defaults of the effects that the first lacks, as by `add_effect`: its own values may be
+    those of a fit to the rows that are held out.
+
     Parameters
     ----------
     measurement : Measurement, path, or DataFrame
@@ -373,16 +385,25 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
     residuals = []
     for model in models:
         own = likelier_past(model, matched(model, data))
-        search = Search(Options(model, reduce(model, own), Choices()))
-        _, held, residual = _alone(search, search.fit(search.options.own), own)
+        base = models[0] if model.error and model.n == models[0].n else model
+        had = {effect.name for effect in base.effects}
+        new = [effect for effect in model.effects if effect.name not in had]
+        search = Search(Options(base, reduce(base, own), Choices(), tuple(
+            effect if effect.law.load else usual(effect.law, base) for effect in new)))
+        _, held, residual = _alone(search, search.fit(_names(model)), own)
         steps.append({
             'step': model.name, 'error_N': rms(own.force - predict(model, own)),
             'refitted_N': rms(residual), 'held_out_N': held.physics,
             'held_out_discrepancy_N': held.discrepancy,
-            'effects': [effect.name for effect in model.effects], 'rows': len(own)})
+            'effects': [effect.name for effect in model.effects], 'rows': len(own),
+            'seen': bool(base.error) or any(effect.law.load for effect in new)})
         residuals.append((own, residual, stiffness(model, own)))
     best = min(residuals, key=lambda each: rms(each[1]))
     return Ladder(steps, floor_of(*best), data.name, held.rivals)
+
+
+def _names(model: Bundle) -> Names:
+    return tuple(sorted(effect.name for effect in model.effects))
 
 
 @on_one_core

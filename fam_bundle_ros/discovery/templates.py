@@ -42,7 +42,7 @@ class Template:
     unit : str
         Unit of the coefficient.
     explained : float
-        Relative reduction of chi2, 0 to 1.
+        Relative reduction of the mean square error, 0 to 1.
     gain : float
         Reduction of chi2.
     families : tuple of str
@@ -314,6 +314,8 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
     r, jacobian = fit.residual / sd, fit.slopes / sd[:, None]
     gram = jacobian.T @ jacobian + np.eye(len(fit.u))
     slope = jacobian.T @ r - fit.u
+    step = np.linalg.solve(gram, slope)
+    before = max(cells.mean_square(fit.residual), 1e-18)
     scored = []
     for shape in bank(cells, fit.model):
         columns = cells.mean(shape.columns) / sd[:, None]
@@ -322,21 +324,22 @@ def describe(cells: Cells, fit: Fit, most: int = 5) -> tuple[Template, ...]:
         own = columns.T @ columns - across.T @ absorbed
         if np.any(np.diag(own) <= 1e-6 * np.sum(columns ** 2, axis=0)):
             continue  # the model's parameters can absorb this shape
-        right = columns.T @ r - across.T @ np.linalg.solve(gram, slope)
+        right = columns.T @ r - across.T @ step
         weight = np.linalg.solve(own, right)
-        taken = (columns - jacobian @ absorbed) @ weight * sd
-        scored.append((float(right @ weight), weight, shape, rms(taken)))
+        taken = (columns - jacobian @ absorbed) @ weight
+        left = (r - jacobian @ step - taken) * sd
+        share = float(np.clip(1.0 - cells.mean_square(left) / before, 0.0, 1.0))
+        scored.append((float(right @ weight), share, weight, shape, rms(taken * sd)))
     scored.sort(key=lambda item: -item[0])
-    excess = max(float(r @ r), 1e-9)
     found: list[Template] = []
-    for gain, weight, shape, size in scored:
-        if (any(t.kind == shape.kind for t in found) or gain < _LEAST * excess
+    for gain, share, weight, shape, size in scored:
+        if (any(t.kind == shape.kind for t in found) or share < _LEAST
                 or size < settings.VISIBLE * cells.noise):
             continue
         coefficient = float(np.linalg.norm(weight) if len(weight) > 1 else weight[0])
         words = _signed(shape.words, coefficient)
         found.append(Template(
-            words, coefficient, shape.unit, float(np.clip(gain / excess, 0, 1)), gain,
+            words, coefficient, shape.unit, share, gain,
             _families(shape.kind) if words == shape.words else (), shape.expression, shape.kind,
             size, shape.constants))
         if len(found) == most:

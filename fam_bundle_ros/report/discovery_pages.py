@@ -185,7 +185,7 @@ def ladder_page(result: Ladder, orders: Mapping[str, Sequence[float]],
               [(step['step'], step['error_N'], step['refitted_N'], step['held_out_N'],
                 ', '.join(step['effects'])) for step in result.steps],
               'Error: the model as in its file. Refitted: with its own parameters fitted to '
-              f'these data. {HELD_OUT}')]
+              f'these data. {HELD_OUT} {result.doubt}'.rstrip())]
     sections = [Section('Ladder', '', items)]
     if len(orders) > 1:
         steps = len(next(iter(orders.values()))) - 1

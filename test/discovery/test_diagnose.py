@@ -26,6 +26,7 @@ from fam_bundle_ros.discovery import (
 from fam_bundle_ros.discovery.predict import motion
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import catalogue, dumps_model, load_model, Motion
+from fam_bundle_ros.resources import config_path
 
 NAMES = [f'p{k:02d}' for k in range(1, 11)]
 #: Where nothing explains the force the search goes on to the largest sets, which takes long.
@@ -518,10 +519,26 @@ def test_adding_an_effect_by_its_head_gives_the_shape_that_was_diagnosed(sweeps,
     assert added.effects == result.shapes
     assert added.error_N == pytest.approx(result.error_N['best'], rel=0.01)
     assert added.error_N == pytest.approx(compare(added.model, data).error_N)
-    steps = ladder(data, [bare, added.model]).steps
+    climbed = ladder(data, [bare, added.model])
+    steps = climbed.steps
+    assert not climbed.doubt
     assert steps[-1]['held_out_N'] == pytest.approx(0.6, rel=0.1)
     assert steps[0]['held_out_N'] > 5 * steps[-1]['held_out_N']
     assert not added.doubt
+
+
+def test_a_model_that_was_fitted_to_the_held_out_rows_gains_nothing_by_it():
+    """Of the DMSP-20 the fitted values give 5.7 N on held-out rows where `add` gives 14.1 N."""
+    model = load_model(config_path('data/dmsp20_static_map.model.yaml'))
+    data = read_measurement(config_path('data/dmsp20_static_map.csv'))
+    added = add_effect(model, ['saturating_sheath', 'threshold_pressure'], data)
+    climbed = ladder(data, [model, added.model])
+    assert climbed.steps[-1]['held_out_N'] == pytest.approx(added.held_out_N, rel=1e-3)
+    assert climbed.steps[-1]['refitted_N'] == pytest.approx(added.error_N, rel=1e-3)
+    # without the model before the fit there is nothing else to start from
+    alone = ladder(data, [added.model])
+    assert alone.doubt.startswith(f'{added.model.name}: fitted before')
+    assert alone.doubt in str(alone)
 
 
 def test_what_the_data_do_not_ask_for_is_added_with_a_word_of_it(sweeps, paper_muscle):

@@ -233,7 +233,7 @@ def test_a_shape_within_the_noise_is_none(sweeps, paper_muscle):
      3.0)])
 def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, extra, words,
                                                         coefficient):
-    """What a shape brings is the fall of chi2 beside the model's own parameters."""
+    """Its gain is the fall of chi2 with the model's own parameters, its share that of the error."""
     cells = reduce(paper_muscle, sweeps(extra=extra))
     search = Search(Options(paper_muscle, cells, Choices()))
     fitter, joint = search.fitter, search.fit(search.options.own)
@@ -261,8 +261,9 @@ def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, ex
         weight = best[len(fit.u):]
         assert shape.gain == pytest.approx(before[0] - after[0], rel=1e-5)
         assert abs(shape.coefficient) == pytest.approx(np.linalg.norm(weight), rel=1e-5)
+        left = fit.residual - fit.slopes @ best[:len(fit.u)] - column @ weight
         assert shape.explained == pytest.approx(
-            min(shape.gain / np.sum((fit.residual / sd) ** 2), 1.0))
+            1.0 - cells.mean_square(left) / cells.mean_square(fit.residual), rel=1e-5)
         absorbed = np.linalg.lstsq(own, both[:, len(fit.u):])[0]
         taken = (column - fit.slopes @ absorbed) @ weight
         assert shape.size_N == pytest.approx(np.sqrt(np.mean(taken ** 2)), rel=1e-5)
