@@ -60,7 +60,7 @@ def si_factor(unit: str, like: str) -> float:
     try:
         quantity = ureg.Quantity(1.0, _SPELLINGS.get(unit.strip(), unit.strip()))
     except Exception as error:  # pint raises many kinds, also its tokenizer's own
-        raise InputError(f"unit '{unit}' is not known") from error
+        raise InputError(f"unit '{unit}' is not known; expected one like {like}") from error
     if not quantity._is_multiplicative:
         raise InputError(f"unit '{unit}' has an offset; expected a difference, in {like}")
     target = ureg.Quantity(1.0, _SPELLINGS.get(like.strip(), like.strip()))

@@ -17,6 +17,7 @@ from fam_bundle_ros.cli.improve_commands import add, ladder
 from fam_bundle_ros.cli.measure_command import measure
 from fam_bundle_ros.cli.model_commands import draw_map, effects, tune
 from fam_bundle_ros.cli.new_model import new_model
+from fam_bundle_ros.cli.outputs import CheckedCommand
 from fam_bundle_ros.cli.rig_commands import check_rig, record, run
 
 #: Panels of the help and their commands, in the order of the help; `_` in a name is shown as `-`.
@@ -35,7 +36,8 @@ app = typer.Typer(
 
 for _panel, _commands in _COMMANDS.items():
     for _command in _commands:
-        app.command('map' if _command is draw_map else None, rich_help_panel=_panel,
+        app.command('map' if _command is draw_map else None, cls=CheckedCommand,
+                    rich_help_panel=_panel,
                     context_settings=_PASSES_ON if _command is run else None)(_command)
 
 

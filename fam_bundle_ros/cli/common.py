@@ -47,7 +47,8 @@ class PatientConsole(Console):
 console = PatientConsole(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 notes = Console(stderr=True, highlight=False)
 
-def _page_to_write(path: Path | None) -> Path | None:
+def page_to_write(path: Path | None) -> Path | None:
+    """Return the page to write; InputError for another suffix or where none can be written."""
     if path is not None and path.suffix not in ('', '.html', '.htm'):
         raise InputError(f'--out {path}: expected the name of a page (.html) to write')
     return _to_write(path)
@@ -74,7 +75,7 @@ Unexplained = Annotated[float, typer.Option(
 Odds = Annotated[float, typer.Option('--odds', min=1.0, help='Sets of effects count as ties if at '
                                      'most this many times less probable than the best.')]
 PageFile = Annotated[Path | None, typer.Option(
-    '--out', '-o', metavar='FILE', callback=_page_to_write, help='Also write the page (HTML).')]
+    '--out', '-o', metavar='FILE', callback=page_to_write, help='Also write the page (HTML).')]
 Namespace = Annotated[str, typer.Option('--namespace', '-n', metavar='NAME', help='Namespace of '
                                         'the bundle.')]
 ControllerModel = Annotated[str | None, typer.Option(

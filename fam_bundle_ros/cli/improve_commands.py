@@ -30,7 +30,6 @@ from fam_bundle_ros.cli.common import (
     yaml_to_write,
 )
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.resources import model_path
 from fam_bundle_ros.told import number
 
 #: Largest number of effects whose orders are shown.
@@ -77,8 +76,6 @@ def add(
         library = open_model(source, allow_python)
         wanted = [library.effect(effect) for effect in wanted]
     yaml_to_write(out)
-    if out.exists() and out.resolve() == model_path(model).resolve():
-        raise InputError(f'--out {out} is the model that is changed; expected another name')
     swaps = {}
     for text in replacing or []:
         old, sign, new = text.partition('=')

@@ -92,7 +92,8 @@ def measure(
             notes.print(f'[bold red]stopped and vented[/bold red]: {escape(str(end))}',
                         soft_wrap=True)
         notes.print(f"{len(store.done)} of {result['segments']} segments are kept in "
-                    f'{store.folder}; --resume continues', soft_wrap=True)
+                    f'{store.folder}; --resume continues' if store.done else
+                    'no segment was complete: nothing is kept', soft_wrap=True)
         if isinstance(end, Stopped):
             raise typer.Exit(1) from None
         raise

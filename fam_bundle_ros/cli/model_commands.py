@@ -17,6 +17,7 @@ from fam_bundle_ros.cli.common import (
     muscle_of,
     notes,
     open_model,
+    page_to_write,
     PAPER,
     quantity,
     save_json,
@@ -37,8 +38,8 @@ ChosenModel = Annotated[str | None, typer.Argument(metavar='[MODEL]', help='Mode
 
 def draw_map(
     model: ChosenModel = None,
-    out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', help='The page to write.'
-                                      )] = Path('map.html'),
+    out: Annotated[Path, typer.Option('--out', '-o', metavar='FILE', callback=page_to_write,
+                                      help='The page to write.')] = Path('map.html'),
     model_option: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help=
                                                      'The same as the argument MODEL.')] = None,
     tendon: Annotated[str | None, typer.Option(metavar='LENGTH', help='Also compare fixed ends '
@@ -67,8 +68,10 @@ def draw_map(
           numeric=(1, 2))
     if figures.free_strain is not None:
         console.print(f'free strain {figures.free_strain.words}')
-        console.print(f'RS1 and RS2 overlap by up to {number(found["overlap_widest_N"])} N, '
-                      f'widest at strain {number(found["overlap_widest_at_strain"])}')
+        widest = found['overlap_widest_N']
+        console.print(f'RS1 and RS2 overlap by up to {number(widest)} N, widest at strain '
+                      f'{number(found["overlap_widest_at_strain"])}' if widest > 0.0 else
+                      'RS1 and RS2 do not overlap')
     if ends is not None:
         told = ends.summary()
         table(('', 'blocked force (N)', 'free strain, smallest', 'free strain, full'),

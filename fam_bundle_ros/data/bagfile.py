@@ -54,7 +54,7 @@ def read_bag(path: Path, recipe: Recipe = Recipe(), name: str | None = None,
     InputError
         Where rosbags is not installed, the bag cannot be read, or topics are of two bundles.
     """
-    label = name or path.name
+    label = name or path.absolute().name
     with _opened(path, label) as reader:
         topics = _topics(label, reader.connections)
         series, note = _collect(label, reader, topics) if topics else ({}, '')

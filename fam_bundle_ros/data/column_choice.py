@@ -168,7 +168,7 @@ class Choices:
         if not match.quantity or not match.score:
             return match.why
         if match.score < _ENOUGH:
-            return f'may be {match.quantity}, but for its other words'
+            return f'may be {match.quantity}, but not all its words or its unit are known'
         if family(match.quantity) in families:
             return f'{family(match.quantity)} was told'
         if match.quantity == 'strain' and match.unit and match.unit.factor < _MICRO:

@@ -335,9 +335,9 @@ class Ladder(Told):
     @property
     def doubt(self) -> str:
         """Which held-out errors may be too small, and why; empty for none."""
-        seen = [step['step'] for step in self.steps if step['seen']]
-        return f"""{', '.join(seen)}: fitted before, or with a table; if to these rows, the """ \
-            'held-out error is too small. Let the model before the fit be the first' if seen else ''
+        seen = ', '.join(step['step'] for step in self.steps if step['seen'])
+        return seen and (f'{seen}: fitted before, or with a table; if to these rows, the held-out '
+                         'error is too small. Let the model before the fit be the first')
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers, lists and text."""

@@ -57,7 +57,7 @@ class SideView:
             for slip in session.now.comparison.slips:
                 parts.text('p', parts.sentence(f'check first: {slip}'), 'tie')
             if not session.regions:
-                parts.text('p', 'Nowhere: in no region is the error above the noise.',
+                parts.text('p', 'In no region does the error stand out from the noise.',
                            'muted small')
             for k, region in enumerate(session.regions):
                 chosen = session.selection.region == k

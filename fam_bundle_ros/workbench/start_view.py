@@ -51,8 +51,8 @@ class StartView:
             palette.NEUTRAL['muted']))
         return (f'<svg viewBox="0 0 184 132" aria-hidden="true" font-family="inherit" '
                 f'font-size="13" fill="{ink}"><rect x="14" y="20" width="62" height="92" rx="4" '
-                f'fill="{start}"/><rect x="96" y="104" width="62" height="8" rx="2" '
-                f'fill="{found}"/><path d="M4 102h168" stroke="{ink}" stroke-width="1.5" '
+                f'fill="{start}"/><rect x="96" y="99.5" width="62" height="12.5" rx="2" '
+                f'fill="{found}"/><path d="M4 103.6h168" stroke="{ink}" stroke-width="1.5" '
                 f'stroke-dasharray="4 4"/><path d="M80 34c26 2 40 22 44 58m-7-8 7 9 6-10" '
                 f'fill="none" stroke="{ink}" stroke-width="1.5"/>'
                 f'<text x="45" y="14" text-anchor="middle">6.6 N</text>'

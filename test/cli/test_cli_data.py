@@ -249,8 +249,30 @@ def test_add_does_not_overwrite_the_model_that_it_changes(fam_bundle, repository
     result = fam_bundle('add', 'presliding_hysteresis', '--data', f'{case}.csv',
                         '--model', mine, '--out', './mine.yaml')
     assert result.returncode == 2
-    assert 'mine.yaml is the model that is changed; expected another name' in result.stderr
+    assert '--out mine.yaml is also --model; expected another name' in result.stderr
     assert mine.read_text() == before
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (('map', 'a.yaml', '--json', 'a.yaml'), '--json a.yaml is also [MODEL]'),
+    (('compare', 'log.csv', '--model', 'a.yaml', '--json', 'log.csv'), '--json log.csv is also'),
+    (('compare', 'log.csv', '--model', 'a.yaml', '--save-recipe', './a.yaml'),
+     '--save-recipe a.yaml is also --model'),
+    (('compare', 'log.csv', '--model', 'a.yaml', '--out', 'p.html', '--json', 'p.html'),
+     '--out p.html is also --json'),
+    (('convert', 'log.csv', 'log.csv'), 'OUT log.csv is also')])
+def test_no_command_writes_over_its_input_or_one_output_twice(fam_bundle, repository, tmp_path,
+                                                              words, said):
+    """It is refused before anything is read."""
+    case = repository / 'test/data/practice'
+    (tmp_path / 'a.yaml').write_bytes((case / 'p03.model.yaml').read_bytes())
+    (tmp_path / 'log.csv').write_bytes((case / 'p03.csv').read_bytes())
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    result = fam_bundle(*words)
+    assert result.returncode == 2
+    assert said in result.stderr
+    assert 'expected another name' in result.stderr
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize(('option', 'out', 'words'), [

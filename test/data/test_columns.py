@@ -281,7 +281,7 @@ def test_fields_of_topics_are_recognised_by_their_last_names(log):
 
 def test_a_name_among_other_words_needs_a_unit(log):
     """'left spring load' may be anything; with N it is a force."""
-    with pytest.raises(InputError, match='may be force, but for its other words'):
+    with pytest.raises(InputError, match='may be force, but not all its words or its unit'):
         read_measurement(table(log, force=('left spring load', log[3])))
     assert np.allclose(read_measurement(table(log, force=('left spring load [N]', log[3]))).force,
                        log[3])

@@ -233,7 +233,7 @@ def test_a_shape_within_the_noise_is_none(sweeps, paper_muscle):
      3.0)])
 def test_shapes_are_scored_as_least_squares_scores_them(sweeps, paper_muscle, extra, words,
                                                         coefficient):
-    """Its gain is the fall of chi2 with the model's own parameters, its share that of the error."""
+    """The gain is the fall of chi2 beside the model's parameters, the share that of the error."""
     cells = reduce(paper_muscle, sweeps(extra=extra))
     search = Search(Options(paper_muscle, cells, Choices()))
     fitter, joint = search.fitter, search.fit(search.options.own)
