@@ -37,7 +37,7 @@ class Driver(Node):
 
     def __init__(self, board, **options):
         super().__init__('driver', namespace='bundle', **options)
-        self.board, self.stopped = board, None
+        self.board, self.stopped, self.button = board, None, True
         self.commands, self.enabled = [(-1.0, 0.0)] * UNITS, (False, 0.0)
         units = [f'mu{i + 1}' for i in range(UNITS)]
         self.force = self.create_publisher(WrenchStamped, 'force', 10)
@@ -63,21 +63,19 @@ class Driver(Node):
             age = (self.get_clock().now().nanoseconds - stamp) * 1e-9
             # A stamp of the future (another clock) counts from now.
             self.commands[i] = message.effort[0], time.monotonic() - max(age, 0.0)
+            # At once: of two commands between two ticks none is skipped.
+            self.act()
 
     def on_enable(self, message):
         """Take leave to open the supply, or its end."""
         self.enabled = message.data, time.monotonic()
 
     def tick(self):
-        """Tell the board what it may do, and publish what it reads."""
-        now, steady = self.get_clock().now(), time.monotonic()
-        force, contraction, pressures, button = self.board.read()
+        """Read, tell the board what it may do, and publish."""
+        now = self.get_clock().now()
+        force, contraction, pressures, self.button = self.board.read()
         # Before all publishing: that can take long while another process stands still.
-        allowed, heard = self.enabled
-        supply = allowed and not button and steady - heard <= SUPPLY_TIMEOUT
-        self.board.write(supply, [
-            command if supply and steady - since <= COMMAND_TIMEOUT else -1.0
-            for command, since in self.commands])
+        self.act()
         wrench, joint = WrenchStamped(), JointState(name=['contraction'])
         wrench.header.stamp = joint.header.stamp = now.to_msg()
         wrench.header.frame_id, wrench.wrench.force.x = 'load_cell', float(force)
@@ -88,9 +86,17 @@ class Driver(Node):
             message = FluidPressure(header=joint.header)
             message.fluid_pressure = float(value)
             publisher.publish(message)
-        if button != self.stopped:
-            self.stopped = button
-            self.e_stop.publish(Bool(data=bool(button)))
+        if self.button != self.stopped:
+            self.stopped = self.button
+            self.e_stop.publish(Bool(data=bool(self.button)))
+
+    def act(self):
+        """Tell the board what it may do."""
+        steady, (allowed, heard) = time.monotonic(), self.enabled
+        supply = allowed and not self.button and steady - heard <= SUPPLY_TIMEOUT
+        self.board.write(supply, [
+            command if supply and steady - since <= COMMAND_TIMEOUT else -1.0
+            for command, since in self.commands])
 
 
 def main():

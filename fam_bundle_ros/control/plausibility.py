@@ -159,6 +159,8 @@ class InflowWatch:
         self._time: float | None = None
         #: s; a gap between readings counts as one period: a stalled rig executes no commands.
         self._clock = 0.0
+        #: s; until then a driver that got no commands may still exhaust.
+        self._exhausts_until = 0.0
         self.be_gentle()
         self._before = 0.0
         self._volume: float | tuple[float, float] = math.nan
@@ -244,7 +246,11 @@ class InflowWatch:
                 self._commands[1][0] <= self._clock - surely - self.config.lag):
             self._commands.popleft()
         held_up = max(dt, gap) > _WATCHDOG
-        self._bounds(dt, surely, pressure, small, large, swept, source, held_up)
+        if held_up:
+            # Readings of the pause may follow; the command after it acts with the usual delay.
+            self._exhausts_until = self._clock + max(dt, gap) + self.config.lag
+        self._bounds(dt, surely, pressure, small, large, swept, source,
+                     self._clock <= self._exhausts_until)
         if held_up:
             self._begin_trial()
         trial = '' if self.trusted else self._judge_trial(surely, pressure, small, swept, source)
@@ -313,7 +319,7 @@ class InflowWatch:
         return -exponent * (max(pressure, 0.0) + self.config.ambient) * swept / volume
 
     def _bounds(self, dt: float, surely: float, pressure: float, small: float, large: float,
-                swept: float, source: float, held_up: bool) -> None:
+                swept: float, source: float, may_exhaust: bool) -> None:
         """
         Advance the bounds, let them decay to the reading, and count readings outside.
 
@@ -327,7 +333,7 @@ class InflowWatch:
         self._rise = 0.0
         for k in range(_DELAYS):
             low, high = self._range_of_commands(surely, k * self._spacing)
-            if held_up:
+            if may_exhaust:
                 low = -1.0
             bottom, top = self._bottom[k], self._top[k]
             # At rest all delays give the same bounds.

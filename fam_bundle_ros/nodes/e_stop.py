@@ -9,6 +9,8 @@ another's stop, so it is ignored.
 """
 
 from collections.abc import Callable
+import math
+import time
 
 from std_msgs.msg import Bool
 
@@ -31,6 +33,8 @@ class EmergencyStop:
         #: Why the stop is still on after a False; else empty.
         self.doubt = ''
         self._heard = False
+        #: Publishers when the stop was activated; time since which it is off, s.
+        self._publishers, self._off_since = 0, -math.inf
         node.subscribe(interface.E_STOP, Bool, self.take, interface.E_STOP_HEARD)
 
     def take(self, message: Bool) -> None:
@@ -41,15 +45,30 @@ class EmergencyStop:
         if message.data:
             self.doubt = ''
             if not self.on:
-                self.on = True
+                self.on, self._publishers = True, publishers
                 self._on_stop()
         elif self.on and publishers > 1:
             self.doubt = (f'it was reset while e_stop had {publishers} publishers, and is taken '
                           'back only from one; when the others have ended (a killed one after '
                           '20 s), stop and reset once more')
             node.get_logger().error(self.doubt)
-        else:
-            self.on, self.doubt = False, ''
+        elif self.on:
+            self.on, self.doubt, self._off_since = False, '', time.monotonic()
+
+    @property
+    def why(self) -> str:
+        """Why the stop is on, and what helps if it cannot be taken back; empty while it is off."""
+        if not self.on:
+            return ''
+        gone = self._node.publisher_count(interface.E_STOP) < self._publishers
+        return ': '.join(filter(None, (
+            'the emergency stop is on', self.doubt or (
+                'a node that published e_stop has ended; stop and reset once more' if gone else '')
+        )))
+
+    def is_off_for(self, seconds: float) -> bool:
+        """Return whether the stop has been off for a time, s; true if it never was on."""
+        return not self.on and time.monotonic() - self._off_since > seconds
 
     def unheard(self) -> str:
         """Return why a stop would not be noticed; empty while the publisher is heard."""

@@ -20,8 +20,10 @@ from fam_bundle_ros.nodes.base import BundleNode
 
 #: Period of the messages while the state does not change, s.
 PERIOD = 0.05
+#: Cause of a pressure loop that vents in an emergency stop.
+STOPPED = 'E_STOP'
 #: States of a pressure loop in which its motor unit is vented because something is wrong.
-TROUBLE = ('SENSOR', 'NO_SETPOINT')
+TROUBLE = ('SENSOR', 'NO_SETPOINT', STOPPED)
 
 
 def state_text(change: Change) -> str:
@@ -91,6 +93,10 @@ class PressureLoops:
         """Return why a loop is latched; empty when it is not."""
         state, cause, reason = self._states[unit]
         return f'{cause}: {reason}' if state == State.LATCHED.value else ''
+
+    def stopped(self, unit: int) -> bool:
+        """Return whether a loop vents in an emergency stop."""
+        return self._states[unit][:2] == (State.VENT.value, STOPPED)
 
     def silent(self, patience: float) -> list[int]:
         """Return the motor units (from 0) whose loops were silent for ``patience`` (s)."""

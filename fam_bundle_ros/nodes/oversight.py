@@ -267,8 +267,7 @@ class Oversight:
         """
         node, reasons = self._node, crowded(self._node, self.topics)
         if self.e_stop.on:
-            reasons.append(': '.join(part for part in ('the emergency stop is on',
-                                                       self.e_stop.doubt) if part))
+            reasons.append(self.e_stop.why)
         elif node.p['e_stop_required'] and (unheard := self.e_stop.unheard()):
             reasons.append(f'{unheard} (for a rig without one: e_stop_required false)')
         if not node.lock_step:
@@ -279,6 +278,10 @@ class Oversight:
             watch, limit = self.watches[2 + unit], self._trip(unit)
             if unit in silent:
                 reasons.append(_silence([unit]))
+            # A loop that took no part in the reset: it was made beside a second publisher.
+            if self.loops.stopped(unit) and self.e_stop.is_off_for(self._patience):
+                reasons.append(f'the pressure loop of mu{unit + 1} is in emergency stop: stop and '
+                               'reset once more')
             if not node.lock_step and watch.health in (Health.WAITING, Health.VENT):
                 reasons.append(watch.reason)
             elif pressure > limit:

@@ -41,7 +41,7 @@ from fam_bundle_ros.nodes.base import BundleNode, GAUGE
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Meter, Report, WARN
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.gate import Gate
-from fam_bundle_ros.nodes.loops import LoopState
+from fam_bundle_ros.nodes.loops import LoopState, STOPPED
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.pid_parameters import settings, SPECS
 from fam_bundle_ros.nodes.pid_readings import Air, LongestGap, SAMPLES, Stretch
@@ -189,7 +189,7 @@ class PressurePidNode(BundleNode):
             self._air.supply.take(value)
 
     def _on_e_stop(self) -> None:
-        self._vent_now('E_STOP')
+        self._vent_now(STOPPED)
 
     def _on_leave(self, message: Bool) -> None:
         if not self._permission.take(message.data):
@@ -323,7 +323,7 @@ class PressurePidNode(BundleNode):
             if cause:
                 guard.latch(now, cause, reason)
         if self._e_stop.on:
-            return self._vent(now, 'E_STOP')
+            return self._vent(now, STOPPED)
         if guard.latched:
             return -1.0
         if self._permission.heard and not self._permission.given:

@@ -283,6 +283,19 @@ def test_a_rig_that_vents_by_itself_is_no_fault():
     assert not loop.run(1.0, lambda t: (200e3, 0.0)), loop.text
 
 
+@pytest.mark.parametrize('pause', [0.11, 0.12, 0.14])
+def test_an_exhaust_of_the_driver_lasts_until_the_next_command_acts(pause):
+    """The controllers stood still for a little longer than a driver waits for commands, 0.1 s."""
+    loop, count = Loop(), itertools.count()
+    loop.run(1.0, lambda t: (250e3, 0.0))
+    loop.time += pause
+    late = round((pause - 0.1 + loop.watches[0].config.lag) / PERIOD)
+
+    def valves(commands):
+        return commands if next(count) >= late else [-1.0, -1.0]
+    assert not loop.run(1.0, lambda t: (250e3, 0.0), valves=valves), loop.text
+
+
 def test_supply_agrees_within_a_fifth():
     """A little droop is in order; half or double, for longer than the patience, is not."""
     watch = SupplyWatch(600e3, 0.2)

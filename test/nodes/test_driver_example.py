@@ -104,6 +104,17 @@ def test_valves_do_not_wait_for_what_is_published(loop):
     assert len(loop.board.written) == before + 1
 
 
+def test_no_command_is_skipped(graph, loop):
+    """Of two that come between two ticks: a test pulse is a single command."""
+    loop.filled()
+    loop.valve = None
+    now = graph.probe.now_ns()
+    before = len(loop.board.written)
+    for value in (0.25, 0.75):
+        loop.node.on_valve(0, interface.valve_message(now, 1, value))
+    assert [valve for _, valve, _ in loop.board.written[before:]] == [0.25, 0.75]
+
+
 def test_a_clock_that_stands_still_keeps_no_valve_open(loop):
     """/clock pauses, or the machine's clock is set back, just when the controller ends."""
     loop.filled()

@@ -432,6 +432,34 @@ def test_a_stop_reset_beside_a_second_publisher_is_reset_once_more(graph, rig):
     graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
 
 
+def test_a_stop_of_a_node_that_has_ended_says_what_helps(graph, rig):
+    """The rig's own publisher has nothing to take back: without a hint it stays on for good."""
+    rig = rig(enable=False, e_stop=False)
+    driver, button = (graph.probe.create_publisher(Bool, 'e_stop', interface.LATCHED)
+                      for _ in range(2))
+    driver.publish(Bool(data=False))
+    button.publish(Bool(data=True))
+    stop = rig.node._oversight.e_stop
+    graph.until(lambda: stop.on and stop.why == 'the emergency stop is on', 'the stop')
+    graph.probe.destroy_publisher(button)
+    graph.until(lambda: 'has ended; stop and reset once more' in enabled(graph)[1], 'the hint')
+
+
+def test_a_bundle_is_not_enabled_while_a_pressure_loop_is_stopped(graph, rig):
+    """A controller that was started again knows of no stop; its unit would stay empty."""
+    rig = rig(enable=False, pids=(1,))
+    loop = graph.probe.create_publisher(String, 'mu2/pid_state', interface.LATCHED)
+    valve = graph.probe.create_publisher(JointState, 'mu2/valve_command', interface.PUBLISH)
+    said = ['VENT E_STOP']
+    graph.probe.every(0.05, lambda: loop.publish(String(data=said[0])))
+    graph.probe.every(0.05, lambda: valve.publish(
+        interface.valve_message(graph.probe.now_ns(), 2, -1.0)))
+    text = 'the pressure loop of mu2 is in emergency stop: stop and reset once more'
+    graph.until(lambda: enabled(graph) == (False, text), 'the refusal')
+    said[0] = 'VENT OFF'
+    graph.until(lambda: enabled(graph)[0], 'a bundle that can be enabled')
+
+
 def test_what_is_repeated_does_not_wait_for_what_was_lost(graph, rig):
     """Behind a lost packet a reliable subscription is silent for up to a second."""
     rig = rig(enable=False)
