@@ -1,6 +1,10 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The controller on a rig: recruitment, pressure loops and monitor, no simulator."""
+"""
+The controller on a rig: recruitment and pressure loops in one process, the monitor in another.
+
+What the monitor computes would hold up the loops of its process for some 50 ms.
+"""
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -13,20 +17,25 @@ from launch import LaunchDescription
 
 def start(context):
     use_sim_time = ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)
-    parameters = [LaunchConfiguration('params_file'),
-                  {'use_sim_time': use_sim_time, 'simulate': False}]
+    parameters = [LaunchConfiguration('params_file'), {'use_sim_time': use_sim_time}]
     model = LaunchConfiguration('model').perform(context)
     if model:
         parameters.append({'model': model})
-    return [Node(
-        package='fam_bundle_ros',
-        executable='bundle_bringup',
-        # Without a name: it would be given to every node of the process.
-        namespace=LaunchConfiguration('namespace'),
-        parameters=parameters,
-        arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
-        output='screen',
-    )]
+
+    def process(executable, *more):
+        return Node(
+            package='fam_bundle_ros',
+            executable=executable,
+            # Without a name: it would be given to every node of the process.
+            namespace=LaunchConfiguration('namespace'),
+            parameters=[*parameters, *more],
+            arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+            output='screen',
+        )
+    nodes = [process('bundle_bringup', {'simulate': False, 'monitor': False})]
+    if LaunchConfiguration('monitor').perform(context).lower() == 'true':
+        nodes.append(process('model_monitor'))
+    return nodes
 
 
 def generate_launch_description():
@@ -39,5 +48,6 @@ def generate_launch_description():
         DeclareLaunchArgument('log_level', default_value='info'),
         DeclareLaunchArgument(
             'model', default_value='', description='model file; else that of params_file'),
+        DeclareLaunchArgument('monitor', default_value='true', description='start model_monitor'),
         OpaqueFunction(function=start),
     ])

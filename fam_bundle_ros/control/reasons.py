@@ -14,6 +14,8 @@ BELOW, UNREACHABLE, AT_REST, ABSENT, TURNED_BACK, CHEAP = 4, 5, 6, 7, 8, 9
 LOST = 10
 #: For orderly switching without a model.
 FULL, EMPTY = 11, 12
+#: To recruit for the stiffness at a strain reference.
+SOFT = 13
 
 
 @dataclass
@@ -73,6 +75,9 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
             f'{names[state - 1]} is full, demand is higher' if state else 'there is a demand')
     if r.why == EMPTY:
         return f'release {names[state - 1]}: it is empty, demand is lower'
+    if r.why == SOFT:
+        return (f'recruit {names[state]}: its push-back while it is empty makes RS{state} too '
+                'soft at this strain')
     if r.why <= AHEAD:
         dip = r.limit - r.crossing
         pushed = (f'; above {r.crossing:.1f} N its push-back of {dip:.1f} N could not be '

@@ -75,6 +75,7 @@ from fam_bundle_ros.control.reference_memory import (
     leave_reference,
 )
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
+from fam_bundle_ros.control.softness import set_softness
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
 from fam_bundle_ros.control.strain_prediction import (
     forget_prediction,
@@ -317,6 +318,9 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         begin_jump(settings, state, stepped)
     if settings.scheme != ALL_ON:
         set_demand(settings, model, state, kind, rate, dt)
+        state.demand.soft = state.demand.soft_below = 0
+        if follows:
+            set_softness(settings, model, state, command.pressure)
         switch_units(settings, state, dt, command)
         if kind == FORCE:  # the strain loop's correction is held against noise: `still`
             hold_bottoms(table, model, state.shares, command.pressure, state.machine.state,

@@ -26,7 +26,7 @@ DAMPED = 0.3
 #: Limit of a negative gain, as a share of the least stiffness.
 _SOFTENED = 0.3
 #: Largest strain at which stiffnesses are taken, and half-width of the difference quotient.
-_MIDDLING, _APART = 0.1, 0.01
+_MIDDLING, APART = 0.1, 0.01
 #: Strains of the search for a free strain.
 _STRAINS = np.linspace(0.0, 2.0 * _MIDDLING, 41)
 #: Least over largest stiffness that gains are computed for.
@@ -146,8 +146,8 @@ def unit_stiffness(bundle: Any) -> tuple[np.ndarray, np.ndarray]:
 
     def at(share: float) -> np.ndarray:
         pressure = np.tile(share * bundle.max_pressure, (len(middle), 1))
-        rise = (bundle.unit_forces(middle - _APART, pressure)
-                - bundle.unit_forces(middle + _APART, pressure)) / (2.0 * _APART)
+        rise = (bundle.unit_forces(middle - APART, pressure)
+                - bundle.unit_forces(middle + APART, pressure)) / (2.0 * APART)
         return np.maximum(np.diag(rise), 0.0)
     half, whole = at(0.5), at(1.0)
     return ((4.0 * half - whole) / bundle.max_pressure,
@@ -158,7 +158,7 @@ def middle_strain(bundle: Any) -> np.ndarray:
     """Return 0.6 of each unit's free strain at half of its limit, at most 0.1, (n,)."""
     pressure = np.tile(0.5 * bundle.max_pressure, (len(_STRAINS), 1))
     pulls = np.cumprod(bundle.unit_forces(_STRAINS, pressure) > 0.0, axis=0).sum(axis=0)
-    return np.clip(0.6 * _STRAINS[np.maximum(pulls, 1) - 1], _APART, _MIDDLING)
+    return np.clip(0.6 * _STRAINS[np.maximum(pulls, 1) - 1], APART, _MIDDLING)
 
 
 def stiffness_grid(bundle: Any, load: float) -> list[float]:

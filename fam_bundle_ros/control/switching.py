@@ -21,6 +21,7 @@ from fam_bundle_ros.control.reasons import (
     CHEAP,
     FROM_REST,
     NONE,
+    SOFT,
     TURNED_BACK,
     UNREACHABLE,
 )
@@ -77,6 +78,9 @@ class Demand:
         What is left for the demand while units that are being filled push back; inf while none is.
     stepping : int
         1 for a demand that steps repeatedly: between two steps it is not at rest.
+    soft, soft_below : int
+        1 if the push-back of empty units makes the bundle too soft for the strain loop, in the
+        present state and in the one below: `softness.set_softness`.
     """
 
     force: float = 0.0
@@ -92,6 +96,8 @@ class Demand:
     own_rate: float = 0.0
     spare: float = math.inf
     stepping: int = 0
+    soft: int = 0
+    soft_below: int = 0
 
 
 @dataclass
@@ -222,7 +228,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
         if why != NONE:
             explain(reason, machine, table, demand, why, recruit)
             least = demand.force - band - min(_LEAD * max(demand.rate, 0.0), width)
-            machine.ahead = max(
+            machine.ahead = 0.0 if why == SOFT else max(
                 release_level(settings, table, state + 1, below, band) - least, 0.0)
             machine.excess = excess_over(table, demand, state) if why == BEYOND else math.inf
             machine.back = demand.force - demand.feedback <= machine.released
@@ -299,6 +305,8 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
         return NONE
     if force > recruit:
         return FROM_REST if state == 0 else BEYOND
+    if settings.policy == REVERSAL_AWARE and state > 0 and demand.soft > 0:
+        return SOFT
     # Look-ahead requires that the unit adds more than the uncertainty, and that its push-back can
     # be compensated beside that of the units that are still being filled.
     if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0
@@ -346,6 +354,8 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     spare = max(demand.doubt, reach_below(table, table.order[last]))
     if demand.force < table.floor[machine.state] - spare:
         return UNREACHABLE
+    if demand.soft_below > 0:
+        return NONE
     if excess_over(table, demand, last) > machine.excess - band:
         return NONE
     # A single lowered unit carries the whole force: released only when empty.

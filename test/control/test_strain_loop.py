@@ -7,16 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fam_bundle_ros.control import ControllerConfig, LoadModel, OuterConfig, tune
+from fam_bundle_ros.control import (
+    Allocator,
+    ControllerConfig,
+    Instant,
+    LoadModel,
+    OuterConfig,
+    tune,
+)
 from fam_bundle_ros.control.outer_loop import outer_settings, OuterState
 from fam_bundle_ros.control.saturation import FREE
 from fam_bundle_ros.control.signals import MeasurementRecord
+from fam_bundle_ros.control.softness import least_stiffnesses
 from fam_bundle_ros.control.strain_loop import (
     at_stiffness,
     gain_at,
     present_stiffness,
     strain_loop,
 )
+from fam_bundle_ros.model import Bundle, MotorUnit
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.plant import MassSpring, RigConfig
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
@@ -66,6 +75,43 @@ def test_friction_of_the_model_is_compensated_along_the_reference(paper_bundle, 
         late = log.time > 2.0
         assert np.sqrt(np.mean(log.error[late] ** 2)) < most
         assert np.std(np.diff(log.setpoint[late, 0])) < quiet
+
+
+@pytest.mark.parametrize('told', [True, False])
+def test_where_empty_units_make_the_bundle_too_soft_they_are_filled(paper_bundle, told):
+    """
+    A muscle with six empty ones beside it: at a strain of 0.06 their push-back collapses.
+
+    With one unit the load swung by 0.03 for good, also where its mass was told. At 0.11 the
+    push-back is even, and the units are released.
+    """
+    geometry = paper_bundle.motor_units[0].geometry
+    seven = Bundle('seven', [MotorUnit(f'mu{k}', muscles, geometry, 344.7e3)
+                             for k, muscles in enumerate((1, 2, 4), 1)], paper_bundle.effects)
+    times, strains = [0.0, 2.0, 4.0, 5.0, 8.0], [0.0, 0.06, 0.06, 0.11, 0.11]
+    log = ClosedLoop(seven, told_load=told).run(Trajectory(
+        'hold', 'strain', 8.0, lambda t: float(np.interp(t, times, strains)),
+        lambda t: 0.03 if 0.0 < t < 2.0 else 0.05 if 4.0 < t < 5.0 else 0.0,
+        MassSpring(mass=2.4, damping=5.0, stiffness_against=200.0)))
+    soft, stiff = (log.time > 3.0) & (log.time < 4.0), log.time > 7.0
+    assert np.abs(log.error[soft]).max() < 1e-3
+    assert set(log.state[soft]) == {3}
+    assert np.abs(log.error[stiff]).max() < 3e-3
+    assert set(log.state[stiff]) == {1}
+    assert 'makes RS1 too soft at this strain' in log.decisions[1][1]
+
+
+@pytest.mark.parametrize('strain', [0.06, 0.11])
+def test_the_least_stiffness_is_the_slope_of_the_force_at_rest(paper_bundle, strain):
+    """Within 0.01 of the strain, also with the last unit empty."""
+    pressure = [150e3, 40e3]
+    curves = Allocator(paper_bundle).curves(Instant(strain))
+    found = least_stiffnesses(curves.table, curves.model, pressure, 1)
+    assert curves.table.moment.strain == strain
+    grid = strain + np.linspace(-0.01, 0.01, 5)
+    for value, last in zip(found, (40e3, 0.0)):
+        force = paper_bundle.force(grid, np.array([[150e3, last]] * 5))
+        assert value == pytest.approx(-np.diff(force).max() / 0.005)
 
 
 @pytest.mark.parametrize('units', [2, 6])

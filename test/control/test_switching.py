@@ -329,6 +329,16 @@ def test_a_reference_that_jumps_beyond_the_limit_does_not_wait(made, feedback, w
     assert (time > 0.9) == waits
 
 
+@pytest.mark.parametrize(('policy', 'recruited'), [('reversal_aware', True), ('neglect', False)])
+def test_a_bundle_that_is_too_soft_gets_the_next_unit_and_keeps_it(made, policy, recruited):
+    """Whatever the demand, while the state below would be too soft; then as if never recruited."""
+    machine = Machine(made(), 1, policy=policy)
+    assert (machine.tell(20.0, soft=1)[1] != '') == recruited
+    if recruited:
+        assert machine.tell(20.0, soft_below=1, duration=20.0)[1] == ''
+        assert 'at rest' in machine.tell(20.0, duration=2.0)[1]
+
+
 def test_an_error_that_the_model_file_states_is_no_reason_to_leave_a_force_short(paper_bundle):
     """
     A slow ramp beyond the first unit's limit, with a model that says it is 15 N wrong.
