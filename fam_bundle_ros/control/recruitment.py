@@ -109,7 +109,7 @@ class RecruitmentMachine:
     def __init__(self, units: int, config: SwitchingConfig = SwitchingConfig(), names=None):
         self.config = config
         self.units = units
-        self.memory = MachineState([0.0] * units, [1] * units)
+        self.memory = MachineState([0.0] * units, [1] * units, [0] * units)
         self._settings = switching_settings(config)
         self._names = list(names or (f'MU{i + 1}' for i in range(units)))
 

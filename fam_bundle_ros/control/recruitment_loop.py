@@ -170,8 +170,8 @@ def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentSt
         return Shares([0.0] * n, [0.0] * n)
     return RecruitmentState(
         curve_table(order, grid, pushes_back), [0] * n, heading_of(1), heading_of(n + 1),
-        MachineState([0.0] * n, [1] * n), no_crossings(n), [0] * n, [math.nan] * n, shares(),
-        shares(), Jump([0.0] * n), adaptation_state(n))
+        MachineState([0.0] * n, [1] * n, [0] * n), no_crossings(n), [0] * n, [math.nan] * n,
+        shares(), shares(), Jump([0.0] * n), adaptation_state(n))
 
 
 def start_recruitment(settings: Any, state: Any, command: Any) -> None:

@@ -38,9 +38,10 @@ def set_softness(settings: Any, model: Any, state: Any, pressure: Any) -> None:
         load += learnt.value[0]
     held = load
     for unit in range(len(table.order)):
-        # At the start of its rising branch a unit holds nothing.
-        held += max(unit_stiffness_at(settings.outer, unit, pressure[unit])
-                    - unit_stiffness_at(settings.outer, unit, table.bottom_pressure[unit]), 0.0)
+        # In the first cell of its rising branch, where it waits, a unit holds nothing.
+        grid = table.grid[unit]
+        if pressure[unit] > grid[min(table.bottom[unit] + 1, len(grid) - 1)]:
+            held += unit_stiffness_at(settings.outer, unit, pressure[unit])
     last = table.order[count - 1] if count > 0 else -1
     present, below = least_stiffnesses(table, model, pressure, last)
     # Before the last unit has crossed its falling branch nothing is known about its help.

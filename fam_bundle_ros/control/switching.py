@@ -133,6 +133,9 @@ class MachineState:
         Largest bottom pressure of each unit, in order, since it was recruited.
     needed : list (n,) of int
         1 for each unit, in order, that the demand has needed since it was recruited.
+    stiffens : list (n,) of int
+        1 for each unit, in order, that was recruited for the stiffness only. It is kept for the
+        absence time after it has last been needed for that: the strain may return.
     state : int
         k of RSk.
     direction : int
@@ -162,6 +165,7 @@ class MachineState:
 
     reserve: list
     needed: list
+    stiffens: list
     state: int = 0
     direction: int = 0
     since: float = math.inf
@@ -180,7 +184,7 @@ class MachineState:
 def start_machine(machine: Any, state: int) -> None:
     """Reset to a state, without dwell time."""
     for k in range(len(machine.needed)):
-        machine.reserve[k], machine.needed[k] = 0.0, 1
+        machine.reserve[k], machine.needed[k], machine.stiffens[k] = 0.0, 1, 0
     machine.state, machine.direction, machine.since = state, 0, math.inf
     machine.calm = machine.absent = machine.rising = machine.ahead = machine.feedback = 0.0
     machine.released, machine.excess = -math.inf, math.inf
@@ -234,6 +238,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             machine.back = demand.force - demand.feedback <= machine.released
             if machine.back:
                 machine.excess -= max(demand.feedback - machine.feedback, 0.0)
+            machine.stiffens[state] = 1 if why == SOFT else 0
             switch(machine, demand, 1)
             return
     # Margins cover model errors; below its floor the state cannot give the force in any case.
@@ -282,12 +287,12 @@ def at_rest(settings: Any, table: Any) -> float:
 def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: float, dt: float
           ) -> None:
     """Update the times of the demand: rising, below the release level, and at rest there."""
-    below = machine.state > 0 and demand.force < release
+    below = machine.state > 0 and demand.force < release and demand.soft_below == 0
     resting = demand.stepping == 0 and abs(demand.rate) < at_rest(settings, table)
     for k in range(machine.state):
         machine.reserve[k] = max(machine.reserve[k], table.bottom_pressure[table.order[k]])
         if demand.force > table.top[k] - _LITTLE:
-            machine.needed[k] = 1
+            machine.needed[k], machine.stiffens[k] = 1, 0
             if k == machine.state - 1:
                 machine.ahead = 0.0
     machine.rising = machine.rising + dt if demand.own_rate > 0.0 else 0.0
@@ -356,6 +361,8 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
         return UNREACHABLE
     if demand.soft_below > 0:
         return NONE
+    if machine.stiffens[last] > 0:
+        return ABSENT if machine.absent >= settings.absence_time else NONE
     if excess_over(table, demand, last) > machine.excess - band:
         return NONE
     # A single lowered unit carries the whole force: released only when empty.

@@ -13,6 +13,7 @@ from fam_bundle_ros.control import (
     Instant,
     LoadModel,
     OuterConfig,
+    SwitchingConfig,
     tune,
 )
 from fam_bundle_ros.control.outer_loop import outer_settings, OuterState
@@ -83,13 +84,14 @@ def test_where_empty_units_make_the_bundle_too_soft_they_are_filled(paper_bundle
     A muscle with six empty ones beside it: at a strain of 0.06 their push-back collapses.
 
     With one unit the load swung by 0.03 for good, also where its mass was told. At 0.11 the
-    push-back is even, and the units are released.
+    push-back is even, and the units are released after the absence time.
     """
     geometry = paper_bundle.motor_units[0].geometry
     seven = Bundle('seven', [MotorUnit(f'mu{k}', muscles, geometry, 344.7e3)
                              for k, muscles in enumerate((1, 2, 4), 1)], paper_bundle.effects)
     times, strains = [0.0, 2.0, 4.0, 5.0, 8.0], [0.0, 0.06, 0.06, 0.11, 0.11]
-    log = ClosedLoop(seven, told_load=told).run(Trajectory(
+    config = ControllerConfig(switching=SwitchingConfig(absence_time=0.8))
+    log = ClosedLoop(seven, controller=config, told_load=told).run(Trajectory(
         'hold', 'strain', 8.0, lambda t: float(np.interp(t, times, strains)),
         lambda t: 0.03 if 0.0 < t < 2.0 else 0.05 if 4.0 < t < 5.0 else 0.0,
         MassSpring(mass=2.4, damping=5.0, stiffness_against=200.0)))

@@ -331,12 +331,24 @@ def test_a_reference_that_jumps_beyond_the_limit_does_not_wait(made, feedback, w
 
 @pytest.mark.parametrize(('policy', 'recruited'), [('reversal_aware', True), ('neglect', False)])
 def test_a_bundle_that_is_too_soft_gets_the_next_unit_and_keeps_it(made, policy, recruited):
-    """Whatever the demand, while the state below would be too soft; then as if never recruited."""
+    """Whatever the demand, and for the absence time after the state below was last too soft."""
     machine = Machine(made(), 1, policy=policy)
     assert (machine.tell(20.0, soft=1)[1] != '') == recruited
     if recruited:
         assert machine.tell(20.0, soft_below=1, duration=20.0)[1] == ''
-        assert 'at rest' in machine.tell(20.0, duration=2.0)[1]
+        assert machine.tell(20.0, duration=9.0)[1] == ''
+        assert machine.tell(20.0, soft_below=1)[1] == ''
+        time, why = machine.tell(20.0, duration=11.0)
+        assert time == pytest.approx(10.0, abs=2 * DT)
+        assert why.endswith('for 10.0 s')
+
+
+def test_a_unit_that_was_filled_for_stiffness_and_then_needed_is_released_as_any_other(made):
+    """At rest below the overlap, in less than a second."""
+    machine = Machine(made(), 1)
+    machine.tell(20.0, soft=1)
+    machine.tell(400.0)
+    assert 'at rest' in machine.tell(20.0, duration=2.0)[1]
 
 
 def test_an_error_that_the_model_file_states_is_no_reason_to_leave_a_force_short(paper_bundle):
