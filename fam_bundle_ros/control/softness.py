@@ -44,9 +44,9 @@ def set_softness(settings: Any, model: Any, state: Any, pressure: Any) -> None:
             held += unit_stiffness_at(settings.outer, unit, pressure[unit])
     last = table.order[count - 1] if count > 0 else -1
     present, below = least_stiffnesses(table, model, pressure, last)
-    # Before the last unit has crossed its falling branch nothing is known about its help.
+    # Not before the last unit has crossed its falling branch. RS0 holds nothing.
     demand.soft = 1 if state.crossings.count == 0 and present + load < held / SPAN else 0
-    demand.soft_below = 1 if count > 0 and below + load < held / SPAN else 0
+    demand.soft_below = 1 if count > 1 and below + load < held / SPAN else 0
 
 
 def least_stiffnesses(table: Any, model: Any, pressure: Any, last: int) -> tuple[float, float]:

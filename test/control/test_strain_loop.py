@@ -12,7 +12,10 @@ from fam_bundle_ros.control import (
     ControllerConfig,
     Instant,
     LoadModel,
+    Measurement,
     OuterConfig,
+    RecruitmentController,
+    Reference,
     SwitchingConfig,
     tune,
 )
@@ -78,6 +81,14 @@ def test_friction_of_the_model_is_compensated_along_the_reference(paper_bundle, 
         assert np.std(np.diff(log.setpoint[late, 0])) < quiet
 
 
+def with_muscles(bundle, counts):
+    """Return a bundle of such muscles with these numbers of them in its motor units."""
+    geometry = bundle.motor_units[0].geometry
+    return Bundle('_'.join(map(str, counts)), [
+        MotorUnit(f'mu{k}', count, geometry, 344.7e3) for k, count in enumerate(counts, 1)],
+        bundle.effects)
+
+
 @pytest.mark.parametrize('told', [True, False])
 def test_where_empty_units_make_the_bundle_too_soft_they_are_filled(paper_bundle, told):
     """
@@ -86,9 +97,7 @@ def test_where_empty_units_make_the_bundle_too_soft_they_are_filled(paper_bundle
     With one unit the load swung by 0.03 for good, also where its mass was told. At 0.11 the
     push-back is even, and the units are released after the absence time.
     """
-    geometry = paper_bundle.motor_units[0].geometry
-    seven = Bundle('seven', [MotorUnit(f'mu{k}', muscles, geometry, 344.7e3)
-                             for k, muscles in enumerate((1, 2, 4), 1)], paper_bundle.effects)
+    seven = with_muscles(paper_bundle, (1, 2, 4))
     times, strains = [0.0, 2.0, 4.0, 5.0, 8.0], [0.0, 0.06, 0.06, 0.11, 0.11]
     config = ControllerConfig(switching=SwitchingConfig(absence_time=0.8))
     log = ClosedLoop(seven, controller=config, told_load=told).run(Trajectory(
@@ -101,6 +110,23 @@ def test_where_empty_units_make_the_bundle_too_soft_they_are_filled(paper_bundle
     assert np.abs(log.error[stiff]).max() < 3e-3
     assert set(log.state[stiff]) == {1}
     assert 'makes RS1 too soft at this strain' in log.decisions[1][1]
+
+
+@pytest.mark.parametrize(('strain', 'stiffness', 'state'), [
+    (0.06, 1.0, 2), (0.11, 1.0, 1), (0.06, 5e3, 1)])
+def test_a_unit_is_filled_for_stiffness_where_muscles_and_load_are_too_soft(
+        paper_bundle, strain, stiffness, state):
+    """Not at a strain of 0.11, nor on a stiff spring; the only unit is not kept for it."""
+    seven = with_muscles(paper_bundle, (1, 2, 4))
+    pressure = np.array([150e3, 0.0, 0.0])
+    measured = Measurement(float(seven.force(strain, pressure)), strain, 0.0, pressure)
+    controller = RecruitmentController(seven, ControllerConfig(
+        load=LoadModel(stiffness=stiffness, inertia=0.3)))
+    controller.enable(measured)
+    for _ in range(3):
+        controller.update(4e-3, measured, Reference('strain', strain, 0.0))
+    assert controller.state == state
+    assert controller.memory.demand.soft_below == (state > 1)
 
 
 @pytest.mark.parametrize('strain', [0.06, 0.11])
