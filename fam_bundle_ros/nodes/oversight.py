@@ -279,7 +279,8 @@ class Oversight:
             if unit in silent:
                 reasons.append(_silence([unit]))
             # A loop that took no part in the reset: it was made beside a second publisher.
-            if self.loops.stopped(unit) and self.e_stop.is_off_for(self._patience):
+            if (not node.lock_step and self.loops.stopped(unit)
+                    and self.e_stop.is_off_for(self._patience)):
                 reasons.append(f'the pressure loop of mu{unit + 1} is in emergency stop: stop and '
                                'reset once more')
             if not node.lock_step and watch.health in (Health.WAITING, Health.VENT):
