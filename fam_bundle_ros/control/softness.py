@@ -3,7 +3,7 @@
 """
 Whether the bundle is as stiff at a strain reference as the strain loop's gains require. Kernels.
 
-Gains are computed for the stiffness of the filled units and the load, within a factor
+Gains hold for the stiffness of the units that hold the load, and of the load, within a factor
 `strain_gains.SPAN`. Where the push-back of an empty muscle collapses its force rises with the
 strain: this negative stiffness makes the whole bundle softer, or unstable. A unit that is filled
 to the start of its rising branch does not push back any more.
@@ -14,7 +14,6 @@ from typing import Any
 
 from fam_bundle_ros.control.curves import unit_force
 from fam_bundle_ros.control.strain_gains import APART, SPAN
-from fam_bundle_ros.control.strain_loop import unit_stiffness_at
 
 #: Steps of the strain on each side of the reference: a collapse may be narrower than `APART`.
 _STEPS = 2
@@ -36,41 +35,40 @@ def set_softness(settings: Any, model: Any, state: Any, pressure: Any) -> None:
     learnt, load = state.outer.load, settings.outer.load_stiffness
     if learnt.known and not settings.outer.load_known:
         load += learnt.value[0]
-    held = load
-    for unit in range(len(table.order)):
-        # In the first cell of its rising branch, where it waits, a unit holds nothing.
-        grid = table.grid[unit]
-        if pressure[unit] > grid[min(table.bottom[unit] + 1, len(grid) - 1)]:
-            held += unit_stiffness_at(settings.outer, unit, pressure[unit])
     last = table.order[count - 1] if count > 0 else -1
-    present, below = least_stiffnesses(table, model, pressure, last)
+    present, below, held = stiffnesses(table, model, pressure, last)
+    least = (max(held, 0.0) + load) / SPAN - load
     # Not before the last unit has crossed its falling branch. RS0 holds nothing.
-    demand.soft = 1 if state.crossings.count == 0 and present + load < held / SPAN else 0
-    demand.soft_below = 1 if count > 1 and below + load < held / SPAN else 0
+    demand.soft = 1 if state.crossings.count == 0 and present < least else 0
+    demand.soft_below = 1 if count > 1 and below < least else 0
 
 
-def least_stiffnesses(table: Any, model: Any, pressure: Any, last: int) -> tuple[float, float]:
+def stiffnesses(table: Any, model: Any, pressure: Any, last: int) -> tuple[float, float, float]:
     """
     Return the least -dF/de of the muscles within `APART` of the table's strain, N.
 
-    Second: the same with the unit ``last`` empty, -1 for none.
+    Second: the same with the unit ``last`` empty, -1 for none. Third: the mean there of the units
+    that hold the load. In the first cell of its rising branch, where it waits, a unit holds none.
     """
     now, step = table.moment, APART / _STEPS
     strain, begun, now.start = now.strain, now.start, True  # at equilibrium: without friction
     least = least_below = math.inf
-    before = before_below = 0.0
+    before = before_below = first = holding = 0.0
     for k in range(2 * _STEPS + 1):
         now.strain = strain + (k - _STEPS) * step
-        force = 0.0
+        force = below = holding = 0.0
         for unit in range(len(table.order)):
-            force += unit_force(table, model, unit, pressure[unit])
-        below = force
-        if last >= 0:
-            below += (unit_force(table, model, last, 0.0)
-                      - unit_force(table, model, last, pressure[last]))
+            grid, p = table.grid[unit], pressure[unit]
+            of_unit = unit_force(table, model, unit, p)
+            force += of_unit
+            below += unit_force(table, model, unit, 0.0) if unit == last else of_unit
+            if p > grid[min(table.bottom[unit] + 1, len(grid) - 1)]:
+                holding += of_unit
         if k > 0:
             least = min(least, (before - force) / step)
             least_below = min(least_below, (before_below - below) / step)
+        else:
+            first = holding
         before, before_below = force, below
     now.strain, now.start = strain, begun
-    return least, least_below
+    return least, least_below, (first - holding) / (2.0 * APART)

@@ -22,7 +22,7 @@ from fam_bundle_ros.control import (
 from fam_bundle_ros.control.outer_loop import outer_settings, OuterState
 from fam_bundle_ros.control.saturation import FREE
 from fam_bundle_ros.control.signals import MeasurementRecord
-from fam_bundle_ros.control.softness import least_stiffnesses
+from fam_bundle_ros.control.softness import stiffnesses
 from fam_bundle_ros.control.strain_loop import (
     at_stiffness,
     gain_at,
@@ -131,15 +131,17 @@ def test_a_unit_is_filled_for_stiffness_where_muscles_and_load_are_too_soft(
 
 @pytest.mark.parametrize('strain', [0.06, 0.11])
 def test_the_least_stiffness_is_the_slope_of_the_force_at_rest(paper_bundle, strain):
-    """Within 0.01 of the strain, also with the last unit empty."""
-    pressure = [150e3, 40e3]
+    """Within 0.01 of the strain, also with the last unit empty; and of the first, which holds."""
+    pressure = [150e3, 20e3]
     curves = Allocator(paper_bundle).curves(Instant(strain))
-    found = least_stiffnesses(curves.table, curves.model, pressure, 1)
+    *found, held = stiffnesses(curves.table, curves.model, pressure, 1)
     assert curves.table.moment.strain == strain
     grid = strain + np.linspace(-0.01, 0.01, 5)
-    for value, last in zip(found, (40e3, 0.0)):
+    for value, last in zip(found, (20e3, 0.0)):
         force = paper_bundle.force(grid, np.array([[150e3, last]] * 5))
         assert value == pytest.approx(-np.diff(force).max() / 0.005)
+    alone = paper_bundle.unit_forces(grid, np.array([[150e3, 0.0]] * 5))[:, 0]
+    assert held == pytest.approx((alone[0] - alone[-1]) / 0.02)
 
 
 @pytest.mark.parametrize('units', [2, 6])

@@ -241,14 +241,15 @@ def test_help_lists_the_parameters(main):
     assert 'gains.p = 54.0 [0..1000] (changes while running)' in text
 
 
-@pytest.mark.parametrize('name', ['bundle.launch.py', 'controller.launch.py'])
-def test_launch_file_declares_what_users_expect(repository, name):
+@pytest.mark.parametrize(('name', 'more'), [('bundle.launch.py', set()),
+                                            ('controller.launch.py', {'monitor'})])
+def test_launch_file_declares_what_users_expect(repository, name, more):
     """Launch files compile and take namespace, params_file, use_sim_time, log_level, model."""
     source = (repository / 'launch' / name).read_text()
     tree = ast.parse(compile(source, name, 'exec', ast.PyCF_ONLY_AST) and source)
     declared = {node.args[0].value for node in ast.walk(tree) if isinstance(node, ast.Call)
                 and getattr(node.func, 'id', '') == 'DeclareLaunchArgument'}
-    assert declared == {'namespace', 'params_file', 'use_sim_time', 'log_level', 'model'}
+    assert declared == {'namespace', 'params_file', 'use_sim_time', 'log_level', 'model'} | more
 
 
 def test_the_first_line_of_a_log_is_as_quick_as_the_next(graph, monkeypatch):
