@@ -3,10 +3,10 @@
 """
 Whether the bundle is as stiff at a strain reference as the strain loop's gains require. Kernels.
 
-Gains hold for the stiffness of the units that hold the load, and of the load, within a factor
-`strain_gains.SPAN`. Where the push-back of an empty muscle collapses its force rises with the
-strain: this negative stiffness makes the whole bundle softer, or unstable. A unit that is filled
-to the start of its rising branch does not push back any more.
+Gains hold for the usual stiffness of the units that hold the load, and of the load, within a
+factor `strain_gains.SPAN`. Where the push-back of an empty muscle collapses its force rises with
+the strain: this negative stiffness makes the whole bundle softer, or unstable. A unit that is
+filled to the start of its rising branch does not push back any more.
 """
 
 import math
@@ -14,6 +14,7 @@ from typing import Any
 
 from fam_bundle_ros.control.curves import unit_force
 from fam_bundle_ros.control.strain_gains import APART, SPAN
+from fam_bundle_ros.control.strain_loop import unit_stiffness_at
 
 #: Steps of the strain on each side of the reference: a collapse may be narrower than `APART`.
 _STEPS = 2
@@ -37,7 +38,12 @@ def set_softness(settings: Any, model: Any, state: Any, pressure: Any) -> None:
         load += learnt.value[0]
     last = table.order[count - 1] if count > 0 else -1
     present, below, held = stiffnesses(table, model, pressure, last)
-    least = (max(held, 0.0) + load) / SPAN - load
+    usual = 0.0
+    for unit in range(len(table.order)):
+        if holds(table, unit, pressure[unit]):
+            usual += unit_stiffness_at(settings.outer, unit, pressure[unit])
+    # Muscles that soften as they shorten are no reason to fill others.
+    least = (max(min(held, usual), 0.0) + load) / SPAN - load
     # Not before the last unit has crossed its falling branch. RS0 holds nothing.
     demand.soft = 1 if state.crossings.count == 0 and present < least else 0
     demand.soft_below = 1 if count > 1 and below < least else 0
@@ -48,7 +54,7 @@ def stiffnesses(table: Any, model: Any, pressure: Any, last: int) -> tuple[float
     Return the least -dF/de of the muscles within `APART` of the table's strain, N.
 
     Second: the same with the unit ``last`` empty, -1 for none. Third: the mean there of the units
-    that hold the load. In the first cell of its rising branch, where it waits, a unit holds none.
+    that hold the load.
     """
     now, step = table.moment, APART / _STEPS
     strain, begun, now.start = now.strain, now.start, True  # at equilibrium: without friction
@@ -58,11 +64,10 @@ def stiffnesses(table: Any, model: Any, pressure: Any, last: int) -> tuple[float
         now.strain = strain + (k - _STEPS) * step
         force = below = holding = 0.0
         for unit in range(len(table.order)):
-            grid, p = table.grid[unit], pressure[unit]
-            of_unit = unit_force(table, model, unit, p)
+            of_unit = unit_force(table, model, unit, pressure[unit])
             force += of_unit
             below += unit_force(table, model, unit, 0.0) if unit == last else of_unit
-            if p > grid[min(table.bottom[unit] + 1, len(grid) - 1)]:
+            if holds(table, unit, pressure[unit]):
                 holding += of_unit
         if k > 0:
             least = min(least, (before - force) / step)
@@ -72,3 +77,9 @@ def stiffnesses(table: Any, model: Any, pressure: Any, last: int) -> tuple[float
         before, before_below = force, below
     now.strain, now.start = strain, begun
     return least, least_below, (first - holding) / (2.0 * APART)
+
+
+def holds(table: Any, unit: int, pressure: float) -> bool:
+    """Return whether a unit is above the first cell of its rising branch, where it waits, Pa."""
+    grid = table.grid[unit]
+    return pressure > grid[min(table.bottom[unit] + 1, len(grid) - 1)]

@@ -235,9 +235,14 @@ def present_stiffness(settings: Any, pressure: Any) -> float:
     """Return -dF/de of muscles and load at pressures (n,) in Pa, by the model, N."""
     total = settings.load_stiffness
     for i in range(len(pressure)):
-        p = max(pressure[i], 0.0)
-        total += (settings.stiffness_slope[i] + settings.stiffness_bend[i] * p) * p
+        total += unit_stiffness_at(settings, i, pressure[i])
     return total
+
+
+def unit_stiffness_at(settings: Any, unit: int, pressure: float) -> float:
+    """Return -dF/de of one motor unit at a pressure (Pa) and a medium strain, N."""
+    p = max(pressure, 0.0)
+    return (settings.stiffness_slope[unit] + settings.stiffness_bend[unit] * p) * p
 
 
 def gain_at(settings: Any, values: Any, stiffness: float, ratio: float) -> float:
