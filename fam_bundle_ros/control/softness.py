@@ -80,6 +80,6 @@ def stiffnesses(table: Any, model: Any, pressure: Any, last: int) -> tuple[float
 
 
 def holds(table: Any, unit: int, pressure: float) -> bool:
-    """Return whether a unit is above the first cell of its rising branch, where it waits, Pa."""
+    """Return whether a pressure (Pa) is above the first cell of the branch, where a unit waits."""
     grid = table.grid[unit]
     return pressure > grid[min(table.bottom[unit] + 1, len(grid) - 1)]

@@ -390,7 +390,8 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
         new = [effect for effect in model.effects if effect.name not in had]
         search = Search(Options(base, reduce(base, own), Choices(), tuple(
             effect if effect.law.load else usual(effect.law, base) for effect in new)))
-        _, held, residual = _alone(search, search.fit(_names(model)), own)
+        names = tuple(sorted(effect.name for effect in model.effects))
+        _, held, residual = _alone(search, search.fit(names), own)
         steps.append({
             'step': model.name, 'error_N': rms(own.force - predict(model, own)),
             'refitted_N': rms(residual), 'held_out_N': held.physics,
@@ -400,10 +401,6 @@ def ladder(measurement: Any, models: Sequence[Bundle]) -> Ladder:
         residuals.append((own, residual, stiffness(model, own)))
     best = min(residuals, key=lambda each: rms(each[1]))
     return Ladder(steps, floor_of(*best), data.name, held.rivals)
-
-
-def _names(model: Bundle) -> Names:
-    return tuple(sorted(effect.name for effect in model.effects))
 
 
 @on_one_core

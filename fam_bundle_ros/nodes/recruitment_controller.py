@@ -29,6 +29,7 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.adaptation import Adaptation
 from fam_bundle_ros.nodes.base import BundleNode, REMIND
 from fam_bundle_ros.nodes.diagnostics import Diagnostics, ERROR, Report, WARN
+from fam_bundle_ros.nodes.loops import STOPPED
 from fam_bundle_ros.nodes.model_swap import ModelSwap
 from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.oversight import crowded, Oversight
@@ -221,7 +222,7 @@ class RecruitmentNode(BundleNode):
 
     def _reason_to_be_off(self) -> tuple[State, str] | None:
         if self._oversight.e_stop.on:
-            return State.VENT, 'E_STOP'
+            return State.VENT, STOPPED
         if self._guard.latched:
             return State.VENT, ''
         if not self._enabled:
@@ -364,7 +365,7 @@ class RecruitmentNode(BundleNode):
         report.value('enabled', self._enabled)
         now = self._guard.now
         if now.state is not State.ACTIVE:
-            urgent = now.state is State.LATCHED or now.cause in ('E_STOP', 'SENSOR')
+            urgent = now.state is State.LATCHED or now.cause in (STOPPED, 'SENSOR')
             off = self._why_off if now.cause == 'OFF' else ''
             text = f'{now.reason}: off until enabled again' if self._guard.latched else (
                 '; '.join(filter(None, (off, self._oversight.unreadable))))
