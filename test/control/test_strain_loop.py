@@ -29,9 +29,10 @@ from fam_bundle_ros.control.strain_loop import (
     present_stiffness,
     strain_loop,
 )
-from fam_bundle_ros.model import Bundle, MotorUnit
+from fam_bundle_ros.model import Bundle, load_model, MotorUnit
 from fam_bundle_ros.nodes.profile import load_profile
 from fam_bundle_ros.plant import MassSpring, RigConfig
+from fam_bundle_ros.resources import config_path
 from fam_bundle_ros.simulation import ClosedLoop, pid_config, Trajectory
 
 
@@ -112,15 +113,20 @@ def test_where_empty_units_make_the_bundle_too_soft_they_are_filled(paper_bundle
     assert 'makes RS1 too soft at this strain' in log.decisions[1][1]
 
 
-@pytest.mark.parametrize(('strain', 'stiffness', 'state'), [
-    (0.06, 1.0, 2), (0.11, 1.0, 1), (0.06, 5e3, 1)])
+@pytest.mark.parametrize(('counts', 'strain', 'held_at', 'stiffness', 'state'), [
+    ((1, 2, 4), 0.06, 150e3, 1.0, 2), ((1, 2, 4), 0.11, 150e3, 1.0, 1),
+    ((1, 2, 4), 0.06, 150e3, 5e3, 1), ((1, 1), 0.05, 100e3, 1.0, 1)])
 def test_a_unit_is_filled_for_stiffness_where_muscles_and_load_are_too_soft(
-        paper_bundle, strain, stiffness, state):
-    """Not at a strain of 0.11, nor on a stiff spring; the only unit is not kept for it."""
-    seven = with_muscles(paper_bundle, (1, 2, 4))
-    pressure = np.array([150e3, 0.0, 0.0])
-    measured = Measurement(float(seven.force(strain, pressure)), strain, 0.0, pressure)
-    controller = RecruitmentController(seven, ControllerConfig(
+        counts, strain, held_at, stiffness, state):
+    """
+    Not at a strain of 0.11, nor on a stiff spring; the only unit is not kept for it.
+
+    At 0.05 a muscle is stiffer than the gains require: two thirds of that are enough.
+    """
+    bundle = with_muscles(load_model(config_path('models/spie2021.yaml')), counts)
+    pressure = np.array([held_at, *[0.0] * (len(counts) - 1)])
+    measured = Measurement(float(bundle.force(strain, pressure)), strain, 0.0, pressure)
+    controller = RecruitmentController(bundle, ControllerConfig(
         load=LoadModel(stiffness=stiffness, inertia=0.3)))
     controller.enable(measured)
     for _ in range(3):
