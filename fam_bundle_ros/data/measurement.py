@@ -188,17 +188,18 @@ class Measurement(Told):
         return np.arange(len(self), dtype=float) if self.time is None else self.time
 
     @cached_property
-    def smoothed(self) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Strain (T,) and pressure (T, n) of a log, smoothed as far as their own noise allows.
-
-        Kept: a diagnosis asks for them nine times, which took an eighth of it.
-        """
+    def smooth(self) -> tuple[rates.Smooth, ...]:
+        """Strain and pressures of a log without as much of their noise as possible."""
+        columns = (self.strain, *self.pressure.T)
         if self.time is None:
-            return self.strain, self.pressure
-        strain, *columns = (rates.smooth(self.time, column, self.trial)
-                            for column in (self.strain, *self.pressure.T))
-        return strain, np.stack(columns, -1)
+            return tuple(rates.Smooth(column, np.zeros(len(self)), 0.0) for column in columns)
+        return tuple(rates.smooth(self.time, column, self.trial) for column in columns)
+
+    @property
+    def smoothed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Strain (T,) and pressure (T, n) of `smooth`; those of a map as they were read."""
+        strain, *pressures = (each.value for each in self.smooth)
+        return strain, np.stack(pressures, -1)
 
     @property
     def dropped_words(self) -> str:

@@ -53,6 +53,19 @@ class _Local(NamedTuple):
     missed: np.ndarray
 
 
+class _Corners(NamedTuple):
+    """Sudden changes of the slope of a signal: all (T,), of what is 0 before the first one."""
+
+    #: The signal that the changes alone would make, and its slope up to each sample.
+    ramp: np.ndarray
+    slope: np.ndarray
+    #: Change of the slope at each sample, 0 for none, and whether it comes before the sample.
+    bend: np.ndarray
+    passed: np.ndarray
+    #: Error of the slope by that of the changes within the window.
+    error: np.ndarray
+
+
 def _local(time: np.ndarray, value: np.ndarray, half: int) -> _Local:
     """Fit ``2 half + 1`` neighbours of each sample; at the ends the window is cut short."""
     rows = len(time)
@@ -224,9 +237,19 @@ def _is_held(value: np.ndarray, noise: float) -> bool:
     return not (swings or drifts)
 
 
-def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray:
+class Smooth(NamedTuple):
+    """A signal with less noise, all (T,), and standard deviations of noise."""
+
+    value: np.ndarray
+    #: Of what is left in each sample, and shared with its neighbours.
+    left: np.ndarray
+    #: Of a sample as it was read.
+    noise: float
+
+
+def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Smooth:
     """
-    Return a signal with less noise, bends and steps kept, (T,).
+    Return a signal with less noise; bends, corners and steps are kept.
 
     Each sample takes the widest local quadratic that stays within the noise of the narrower ones
     (intersection of confidence intervals). Where the signal is held, in a trial or between two
@@ -236,24 +259,57 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> np.ndarray
     """
     noise = _noise(time, value, trial)
     if noise <= 0.0:
-        return value
-    best, spread = value.copy(), np.full(len(value), noise)
-    going = np.ones(len(value), bool)
-    parts = _parts(time, trial)
+        return Smooth(value, np.zeros(len(value)), 0.0)
+    parts, corners = _parts(time, trial), _slope(time, value, trial, noise)[1]
+    ends = np.zeros(len(value), bool)
+    ends[[rows[0] for rows in parts]] = True
+    ramp = np.zeros(len(value))
+    if corners is not None:
+        ramp, ends = corners.ramp, ends | (corners.bend != 0.0)
+    best, half = value - ramp, np.zeros(len(value), int)
+    spread, going = np.full(len(value), noise), np.ones(len(value), bool)
     for window in _SMOOTHED:
-        fitted = _locally(time, value, parts, window // 2).value
+        fitted = _locally(time, value - ramp, parts, window // 2).value
         fits = np.abs(fitted - best) <= 2.5 * spread
         # a bend inside the window shows at its neighbours first
         going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
-        best = np.where(going, fitted, best)
+        best, half = np.where(going, fitted, best), np.where(going, window // 2, half)
         spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
+    best, left = best + ramp, noise * _error_of_fit(half, ends)
     # larger changes than any of the noise
     step = np.sqrt(2.0) * noise * -ndtri(0.5 * FALSE_ALARM / len(value))
     for part in parts:
         for rows in np.split(part, np.flatnonzero(np.abs(np.diff(value[part])) > step) + 1):
             if _is_held(value[rows], noise):
-                best[rows] = value[rows].mean()
-    return best
+                best[rows], left[rows] = value[rows].mean(), noise / np.sqrt(len(rows))
+    return Smooth(best, left, noise)
+
+
+def _error_of_fit(half: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """
+    Return the standard deviation of local quadratics over that of the samples, (T,).
+
+    The square root of the leverage of the sample, in even steps. ``ends`` (T,) are the rows with
+    which the samples begin that a quadratic can use: what is at a corner is known from one side.
+    """
+    rows = np.arange(len(half))
+    first = np.maximum.accumulate(np.where(ends, rows, 0))
+    last = np.minimum.accumulate(np.where(np.append(ends[1:], True), rows, rows[-1])[::-1])[::-1]
+    before, after = np.minimum(half, rows - first), np.minimum(half, last - rows)
+    count, s1, s2, s3, s4 = (_power_sum(after, k) + (-1) ** k * _power_sum(before, k)
+                             + (k == 0) for k in range(5))
+    determinant = count * (s2 * s4 - s3 ** 2) - s1 * (s1 * s4 - s2 * s3) + s2 * (s1 * s3 - s2 ** 2)
+    leverage = np.divide(s2 * s4 - s3 ** 2, determinant, out=np.ones(len(half)),
+                         where=determinant > 0.0)
+    return np.sqrt(np.minimum(leverage, 1.0))
+
+
+def _power_sum(n: np.ndarray, power: int) -> np.ndarray:
+    """Return 1 + 2^power + ... + n^power."""
+    n = n.astype(float)
+    return [n, n * (n + 1.0) / 2.0, n * (n + 1.0) * (2.0 * n + 1.0) / 6.0,
+            (n * (n + 1.0) / 2.0) ** 2,
+            n * (n + 1.0) * (2.0 * n + 1.0) * (3.0 * n ** 2 + 3.0 * n - 1.0) / 30.0][power]
 
 
 class Slope(NamedTuple):
@@ -270,11 +326,16 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
 
     Rows of one trial are neighbours; no window reaches across trials or long pauses.
     """
-    noise = _noise(time, value, trial)
+    return _slope(time, value, trial, _noise(time, value, trial))[0]
+
+
+def _slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray, noise: float,
+           ) -> tuple[Slope, _Corners | None]:
+    """Return the slope of a signal with this noise, and its corners."""
     parts, step = _parts(time, trial), usual_step(time, trial)
-    best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
+    best, corners = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0]), None
     for window in _WINDOWS:
-        fitted, rate = _with_corners(time, value, parts, window // 2, noise)
+        fitted, rate, found = _with_corners(time, value, parts, window // 2, noise)
         # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
         rate_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
         leverage = 1.0 - 2.25 / window
@@ -282,32 +343,28 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
         expected = noise ** 2 * leverage
         if window > _WINDOWS[0] and missed > 1.3 * expected + (0.3 * noise) ** 2:
             break
-        best = Slope(rate, float(rate_noise), window)
+        best, corners = Slope(rate, float(rate_noise), window), found
         if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
             break
-    return best
+    return best, corners
 
 
-def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
-                  noise: float) -> tuple[np.ndarray, np.ndarray]:
+def _corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
+             noise: float, local: _Local) -> _Corners | None:
     """
-    Return a signal and its slope, smoothed but for corners as the tips of a triangle, (T,).
+    Return the corners of a signal, as the tips of a triangle, or None where it has none.
 
     A corner is where the slope changes suddenly by more than noise makes it, at `FALSE_ALARM`,
     and by most within its window. What is missed with the corner counts as noise: a jump is none.
-    Corners are taken from the signal before it is smoothed, and given back.
-
-    The sample next to a tip has no slope: which of both it has is not known well enough. Nor has
-    a slope within the window of a corner that is not beyond the error of its change.
+    ``local`` is `_local` of the signal with this half window.
     """
-    local = _locally(time, value, parts, half)
     rounding = np.finfo(float).eps * float(np.abs(value).max())
-    noise = np.maximum(local.missed, max(noise, rounding, np.finfo(float).tiny))
-    size = np.abs(local.bend) / (local.bend_sd * noise)
+    scatter = np.maximum(local.missed, max(noise, rounding, np.finfo(float).tiny))
+    size = np.abs(local.bend) / (local.bend_sd * scatter)
     corner = (size > -ndtri(0.5 * FALSE_ALARM / len(time))) & (
         size == maximum_filter1d(size, 2 * half + 1))
     if not corner.any():
-        return local.value, local.slope
+        return None
     # between the samples it is where a parabola through three changes of slope is largest
     last, here, then = (np.roll(local.bend, by) for by in (1, 0, -1))
     curved = last - 2.0 * here + then
@@ -321,13 +378,30 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
         shift = -bend[rows] * late[rows]
         ramp[rows] = (np.cumsum(np.diff(time[rows], prepend=time[rows[0]]) * before[rows])
                       + np.cumsum(shift) - np.where(passed[rows], 0.0, shift))
-    smooth = _locally(time, value - ramp, parts, half)
-    before += smooth.slope
-    turns = before * (before + bend) < 0.0
-    rate = np.where(turns, 0.0, before + np.where(passed, bend, 0.0))
     # half of the error of the change is on either side, within the window
-    error = maximum_filter1d(np.where(corner, 0.5 * local.bend_sd * noise, 0.0), 2 * half + 1)
-    return smooth.value + ramp, np.where(np.abs(rate) < 3.0 * error, 0.0, rate)
+    error = maximum_filter1d(np.where(corner, 0.5 * local.bend_sd * scatter, 0.0), 2 * half + 1)
+    return _Corners(ramp, before, bend, passed, error)
+
+
+def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
+                  noise: float) -> tuple[np.ndarray, np.ndarray, _Corners | None]:
+    """
+    Return a signal and its slope, smoothed but for its corners, (T,), and the corners.
+
+    Corners are taken from the signal before it is smoothed, and given back. The sample next to a
+    tip has no slope: which of both it has is not known well enough. Nor has a slope within the
+    window of a corner that is not beyond the error of its change.
+    """
+    local = _locally(time, value, parts, half)
+    found = _corners(time, value, parts, half, noise, local)
+    if found is None:
+        return local.value, local.slope, None
+    smooth = _locally(time, value - found.ramp, parts, half)
+    before = found.slope + smooth.slope
+    turns = before * (before + found.bend) < 0.0
+    rate = np.where(turns, 0.0, before + np.where(found.passed, found.bend, 0.0))
+    rate = np.where(np.abs(rate) < 3.0 * found.error, 0.0, rate)
+    return smooth.value + found.ramp, rate, found
 
 
 def signal_step(value: np.ndarray, trial: np.ndarray) -> float:

@@ -36,6 +36,8 @@ from fam_bundle_ros.discovery.predict import (
     matched,
     motion,
     noise_of,
+    slope_in_strain,
+    slopes_in_pressure,
     stiffness,
     strain_noise,
 )
@@ -193,7 +195,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     if stiff is not None:
         # as of the pressure, noise of the force must not enter the error of the strain
         force = (data.force if data.time is None
-                 else smooth(data.time, data.force, data.trial))
+                 else smooth(data.time, data.force, data.trial).value)
         data = replace(data, force=force + unsmoothed)
     residual = data.force - model.predict(record)
     floor = noise_of(data, residual, stiff)
@@ -221,16 +223,37 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     mean = averages(label, len(count))
     seen = used & above_floor(data, stiff)
     found = mean_noise(residual[seen], visit[seen], floor) or MeanNoise(noise)
+    moving, of_means = (mean(each) for each in _noise_of_motion(
+        model, data, count[label], strain=stiff is None))
     rate = np.abs(mean(data.strain_rate))
     return Cells(data, record, label, {words: int(rows) for words, rows in unused.items() if rows},
                  count, mean(data.force), mean(data.strain),
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
                  np.log(np.maximum(rate, max(CRAWL * np.percentile(rate, 90), 1e-9))),
                  np.round(mean(data.trial.astype(float))),
-                 None if data.time is None else mean(data.time), max(found.sd, least),
-                 np.maximum(found.variance(count), least ** 2 / count), strain_range,
+                 None if data.time is None else mean(data.time),
+                 max(float(np.sqrt(found.sd ** 2 + np.average(moving, weights=count))), least),
+                 np.maximum(found.variance(count), least ** 2 / count) + of_means, strain_range,
                  pressure_range, None if stiff is None else mean(stiff), one_force,
                  mean(unsmoothed), len(measurement))
+
+
+def _noise_of_motion(model: Bundle, data: Measurement, count: np.ndarray, strain: bool,
+                     ) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the variance of the model's force due to noise of strain and pressures, (T,), N^2.
+
+    The first is that of a row, after smoothing. Neighbours share what smoothing leaves: of the
+    mean of ``count`` (T,) rows, the second, it is as much, or that of so many samples as they were
+    read. Differences of neighbours, which tell the noise of the load cell, show little of it.
+    ``strain``: whether that of the strain counts, or the strain is the measured quantity.
+    """
+    slopes = [slope_in_strain(model, data) if strain else np.zeros(len(data)),
+              *slopes_in_pressure(model, data)]
+    rows = sum((slope * signal.left) ** 2 for slope, signal in zip(slopes, data.smooth))
+    means = sum(slope ** 2 * np.minimum(signal.left ** 2, signal.noise ** 2 / count)
+                for slope, signal in zip(slopes, data.smooth))
+    return rows, means
 
 
 def extent(data: Measurement) -> tuple[float, np.ndarray]:

@@ -246,7 +246,8 @@ class Searched:
         Choose the set that explains this measurement, and judge it.
 
         Where neither it nor what cross-validation leaves of it is an answer, the whole set comes
-        nearest.
+        nearest. Effects that do not reduce the error of rows are no answer where the model alone,
+        recalibrated, leaves noise.
         """
         search = self.search
         chosen, found = likelier_than_not(
@@ -254,6 +255,10 @@ class Searched:
         likely = bool(found)
         physics = search.fitter.without_discrepancy(chosen)
         judged = self._judged(*drop_unpredictive(search, chosen, found, physics), likely)
+        if judged.finding.worse:
+            without = self.with_set(search.null)
+            if without.finding.verdict in ('adequate', 'recalibrate'):
+                return without
         if judged.finding.verdict == 'unexplained' and len(judged.found) < len(found):
             whole = self.with_set(chosen)
             return judged if whole.finding.named else whole

@@ -13,8 +13,8 @@ from fam_bundle_ros.data.rates import begins
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle, Motion
 
-#: Step of strain for the slope.
-STEP = 1e-3
+#: Steps of strain, and of pressure (Pa), for slopes.
+STEP, PRESSURE_STEP = 1e-3, 1e3
 #: The force counts as constant below this share of strain variation times stiffness.
 _CONSTANT = 0.1
 
@@ -78,6 +78,13 @@ def slope_in_strain(model: Bundle, data: Measurement) -> np.ndarray:
     """Return -dF/de of the model at rest in each row, (T,), N."""
     below, above = (model.force(data.strain + step, data.pressure) for step in (-STEP, STEP))
     return (below - above) / (2.0 * STEP)
+
+
+def slopes_in_pressure(model: Bundle, data: Measurement) -> np.ndarray:
+    """Return dF/dP of the model at rest for each motor unit in each row, (n, T), N/Pa."""
+    force = model.force(data.strain, data.pressure)
+    return np.array([(model.force(data.strain, data.pressure + step) - force) / PRESSURE_STEP
+                     for step in PRESSURE_STEP * np.eye(model.n)])
 
 
 def likelier_past(model: Bundle, data: Measurement) -> Measurement:

@@ -162,6 +162,8 @@ class Finding:
     slips : tuple of str
         Slips of unit, sign or ambient pressure that the data probably have: until they are
         settled an effect is named with a doubt.
+    worse : bool
+        Whether the effects are refused since they increase the error of rows.
     """
 
     verdict: str
@@ -171,6 +173,7 @@ class Finding:
     artefacts: tuple[Artefact, ...] = ()
     faint: float = 0.0
     slips: tuple[str, ...] = ()
+    worse: bool = False
 
     @property
     def named(self) -> bool:
@@ -232,8 +235,9 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     structured = needed and _is_visible(after, cells)
     faint = after.smooth if needed and not structured else 0.0
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
+    worse = _worse_rows(cells, base, physics) if found else []
     refusals = (*_refusals(physics, held, _effect_of_pressure(fitter, null)),
-                *_worse_rows(cells, base, physics)) if found else ()
+                *worse) if found else ()
     if found and structured and (odd := implausible_constants(physics)):
         refusals = (*refusals, f"{' and '.join(odd.values())}, and structure is left")
     warnings = (*_warnings(physics, held), *_undetermined(held, cells),
@@ -261,7 +265,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     else:
         rest = structured or after.total > negligible(cells)
         verdict = 'partial' if warnings or slips or rest else 'missing_effect'
-    return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint, tuple(slips))
+    return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint, tuple(slips),
+                   bool(worse))
 
 
 def leaves_structure(search: Search, fit: Fit, physics: Fit) -> bool:

@@ -333,7 +333,7 @@ def test_a_pressure_that_is_held_is_smoothed_to_its_mean():
     draw = np.random.default_rng(0).standard_normal(1000)
     time, trial = 0.1 * np.arange(1000), np.repeat([0, 1], 500)
     held = np.where(trial == 0, 3e5, 1e5)
-    assert np.abs(smooth(time, held + 300.0 * draw, trial) - held).max() < 0.2 * 300.0
+    assert np.abs(smooth(time, held + 300.0 * draw, trial).value - held).max() < 0.2 * 300.0
 
 
 @pytest.mark.parametrize('period', [10.0, 40.0])
@@ -342,7 +342,7 @@ def test_a_pressure_that_swings_is_smoothed_without_a_lag(period):
     time, trial = 0.1 * np.arange(1000), np.zeros(1000, int)
     swing = 4e3 * np.sin(2.0 * np.pi * time / period)
     found = np.mean([smooth(time, swing + 300.0 * np.random.default_rng(k).standard_normal(1000),
-                            trial) for k in range(16)], axis=0)
+                            trial).value for k in range(16)], axis=0)
     assert abs(1.0 - found @ swing / (swing @ swing)) * np.std(swing) < 30.0
 
 

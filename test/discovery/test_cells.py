@@ -116,6 +116,25 @@ def test_long_and_short_visits_have_the_noise_that_their_means_have(paper_muscle
     assert cells.noise == pytest.approx(0.5, rel=0.15)
 
 
+@pytest.mark.parametrize('noise', [(1e-3, 0.0), (0.0, 2e3)])
+@pytest.mark.parametrize('speed', [0.01, 0.2])
+def test_noise_of_strain_and_pressure_is_in_the_noise_of_the_cells(paper_muscle, speed, noise):
+    """The load cell is exact; neighbours, which share the error, agree in the force."""
+    time = 0.02 * np.arange(1800)
+    strain = 0.01 + 0.18 * np.abs((time * speed / 0.18 + 1.0) % 2.0 - 1.0)
+    pressure = 2e5 + 1e5 * np.sin(time)
+    force = paper_muscle.force(strain, pressure[:, None])
+    ratio = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        draw = rng.standard_normal((2, len(time)))
+        cells = reduce(paper_muscle, build(
+            'log', strain + noise[0] * draw[0], pressure + noise[1] * draw[1], force, None, time))
+        off = cells.force - cells.mean(paper_muscle.predict(cells.motion))
+        ratio.append(np.sqrt(np.mean(off ** 2 / cells.variance)))
+    assert np.mean(ratio) == pytest.approx(0.9, abs=0.15)
+
+
 def test_places_are_as_fine_as_there_is_room_for(sweeps):
     """Rows of one place are near in strain, at one pressure and of one way; more room, finer."""
     data = sweeps(cycles=3)

@@ -3,16 +3,19 @@
 """What is left, what is doubted and what earns a name, on fits that are made up."""
 
 from dataclasses import replace
+import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fam_bundle_ros.data.noise import noise_floor
 from fam_bundle_ros.discovery import choice
 from fam_bundle_ros.discovery import verdict as verdicts
 from fam_bundle_ros.discovery.artefacts import Artefact
 from fam_bundle_ros.discovery.cells import negligible, reduce
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
+from fam_bundle_ros.discovery.diagnose import Searched
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.held_out import folds, HeldOut
 from fam_bundle_ros.discovery.options import Change, Options
@@ -494,6 +497,27 @@ def test_effects_that_fit_some_cells_at_the_expense_of_most_rows_are_refused(sea
     off = [np.abs(cells.data.force - fit.model.predict(cells.motion)) for fit in (good, bad)]
     assert not _worse_rows(replace(cells, label=np.where(off[1] < off[0], 0, -1)), good, bad)
     assert not _worse_rows(replace(cells, stiffness=np.ones(len(cells))), good, bad)
+
+
+@pytest.mark.parametrize(('wave', 'verdict'), [(0.0, 'recalibrate'), (20.0, 'unexplained')])
+def test_effects_that_make_rows_worse_are_no_answer_to_a_model_that_leaves_noise(
+        search, monkeypatch, wave, verdict):
+    """Nor a doubt about it; where it leaves more, something is missing."""
+    made = search(nothing=0.0, coulomb_friction=9.0)
+    cells = made.fitter.cells
+    made.null = made.fits[made.null.names] = replace(
+        made.null, residual=made.null.residual + wave * np.sin(30.0 * cells.strain),
+        hyper=Hyper(even=12, strain=3, pressure=1) if wave else made.null.hyper)
+    worse = replace(made.best, model=made.null.model.with_parameters({'geometry.radius': 6.5e-3}),
+                    residual=0.9 * made.null.residual)
+    module = sys.modules[Searched.__module__]
+    monkeypatch.setattr(module, 'drop_unpredictive', lambda search, chosen, found, physics: (
+        chosen, found, worse, GOOD))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit, raising=False)
+    comparison = SimpleNamespace(noise=noise_floor(cells.data), slips=())
+    judged = Searched(comparison, cells.data, None, made).alone()
+    assert judged.finding.verdict == verdict
+    assert bool(judged.found) == bool(wave)
 
 
 def test_what_is_explained_is_a_share_of_the_mean_square_whatever_the_noise(search):
