@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.mean_noise import mean_noise, MeanNoise
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import CRAWL, sample_noise, smooth
+from fam_bundle_ros.data.rates import CRAWL, sample_noise, Smooth, smooth
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.log_rows import (
     averages,
@@ -192,11 +192,9 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     data, blurred = thinned(matched(model, measurement), settings.ROWS)
     record, stiff = motion(data), stiffness(model, data)
     one_force, unsmoothed = is_one_force(data, stiff), strain_noise(data, stiff)
+    signals = _signals(model, data, measured_strain=stiff is not None)
     if stiff is not None:
-        # as of the pressure, noise of the force must not enter the error of the strain
-        force = (data.force if data.time is None
-                 else smooth(data.time, data.force, data.trial).value)
-        data = replace(data, force=force + unsmoothed)
+        data = replace(data, force=signals[0][1].value + unsmoothed)
     residual = data.force - model.predict(record)
     floor = noise_of(data, residual, stiff)
     least = settings.LEAST_NOISE * float(np.abs(data.force).max())
@@ -223,8 +221,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     mean = averages(label, len(count))
     seen = used & above_floor(data, stiff)
     found = mean_noise(residual[seen], visit[seen], floor) or MeanNoise(noise)
-    moving, of_means = (mean(each) for each in _noise_of_motion(
-        model, data, count[label], strain=stiff is None))
+    moving, of_means = (mean(each) for each in _noise_of_signals(signals, count[label]))
     rate = np.abs(mean(data.strain_rate))
     return Cells(data, record, label, {words: int(rows) for words, rows in unused.items() if rows},
                  count, mean(data.force), mean(data.strain),
@@ -238,21 +235,35 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  mean(unsmoothed), len(measurement))
 
 
-def _noise_of_motion(model: Bundle, data: Measurement, count: np.ndarray, strain: bool,
-                     ) -> tuple[np.ndarray, np.ndarray]:
+def _signals(model: Bundle, data: Measurement, measured_strain: bool,
+             ) -> list[tuple[np.ndarray | float, Smooth]]:
     """
-    Return the variance of the model's force due to noise of strain and pressures, (T,), N^2.
+    Return the smoothed signals that the model's force is computed for, and its slopes in them.
+
+    Strain and pressures; the force and the pressures where the strain is the measured quantity, in
+    whose error noise of the force must not be.
+    """
+    first: tuple[np.ndarray | float, Smooth] = slope_in_strain(model, data), data.smooth[0]
+    if measured_strain:
+        first = 1.0, smooth(data.clock, data.force, data.trial)
+        if data.time is None:
+            first = 1.0, Smooth(data.force, np.zeros(len(data)), 0.0)
+    return [first, *zip(slopes_in_pressure(model, data), data.smooth[1:])]
+
+
+def _noise_of_signals(signals: list[tuple[np.ndarray | float, Smooth]], count: np.ndarray,
+                      ) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the variance of the error of the force due to noise of the signals, (T,), N^2.
 
     The first is that of a row, after smoothing. Neighbours share what smoothing leaves: of the
     mean of ``count`` (T,) rows, the second, it is as much, or that of so many samples as they were
     read. Differences of neighbours, which tell the noise of the load cell, show little of it.
-    ``strain``: whether that of the strain counts, or the strain is the measured quantity.
     """
-    slopes = [slope_in_strain(model, data) if strain else np.zeros(len(data)),
-              *slopes_in_pressure(model, data)]
-    rows = sum((slope * signal.left) ** 2 for slope, signal in zip(slopes, data.smooth))
-    means = sum(slope ** 2 * np.minimum(signal.left ** 2, signal.noise ** 2 / count)
-                for slope, signal in zip(slopes, data.smooth))
+    rows, means = np.zeros(len(count)), np.zeros(len(count))
+    for slope, signal in signals:
+        rows += (slope * signal.left) ** 2
+        means += slope ** 2 * np.minimum(signal.left ** 2, signal.noise ** 2 / count)
     return rows, means
 
 

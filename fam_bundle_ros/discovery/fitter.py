@@ -34,6 +34,8 @@ _LONGEST = 2.0
 _ROUGH = 0.2
 #: Hyperparameters are final when another place on the grid gains less, in log units.
 _SETTLED = 0.3
+#: A force whose stiffness is below this share of that of the model as given determines no strain.
+_NO_STIFFNESS = 1e-3
 
 #: Coordinates u (p,), and residual (n,) and slopes (n, p) at u.
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -169,12 +171,10 @@ class Fitter:
             below, above = ([mean(each) for each in moved.jacobian(there, keys)]
                             for there in _beside(motion))
             stiff, bends = map(_slope, below, above)
-            off = self._off(0.5 * (below[0] + above[0]))
-            residual, share = in_strain(self.cells, off, stiff)
-            # d(r / S) = dr / S - r / S dS / S
-            columns = share[:, None] * 0.5 * (below[1] + above[1]) + (
-                share * (residual - self.cells.strain_noise) / self.cells.stiffness
-            )[:, None] * bends
+            residual, by_force, by_stiffness = in_strain(
+                self.cells, self._off(0.5 * (below[0] + above[0])), stiff)
+            columns = (by_force[:, None] * 0.5 * (below[1] + above[1])
+                       - by_stiffness[:, None] * bends)
         slopes = np.empty((len(self.cells), len(priors)), order='F')
         columns = columns * slope
         slopes[:, asked] = np.where(np.isfinite(columns), columns, 0.0)
@@ -313,6 +313,11 @@ class Fitter:
         A discrepancy biases the physical parameters (Brynjarsdottir and O'Hagan 2014).
         """
         found = self._annealed(fit, 25)
+        if found[0] < fit.white_evidence - _ROUGH:
+            # the discrepancy had led to another optimum than `fit` found without it
+            u, residual, slopes = self._point(fit.model, fit.priors, {})
+            start = replace(fit, u=u, residual=residual, slopes=slopes)
+            found = max(found, self._annealed(start, 25), key=lambda each: each[0])
         return self._finished(fit, found, found[0])
 
     def refit_to(self, fit: Fit, kept: np.ndarray) -> Point:
@@ -387,14 +392,16 @@ class Fitter:
         return best
 
 
-def in_strain(cells: Cells, off: np.ndarray, stiff: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def in_strain(cells: Cells, off: np.ndarray, stiff: np.ndarray,
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Return the residual of cells at constant force, (n,), N, and its ratio to the error of force.
+    Return the residual of cells at constant force, (n,), N, and its derivatives.
 
     It is the error of the strain that the model predicts, times the stiffness of the model as
-    given. The former is the error of the force over the stiffness of the model that is fitted. A
-    force that does not depend on the strain determines no strain: its error is the whole range,
-    the largest error that a strain has.
+    given. The former is the error of the force over the stiffness of the model that is fitted.
+    Beyond the range of the strain, where this says little, it grows with the logarithm: were it
+    constant there, no fit would find the way back, and a smooth discrepancy could explain it. A
+    force that does not depend on the strain determines no strain: its error is the whole range.
 
     Parameters
     ----------
@@ -402,14 +409,24 @@ def in_strain(cells: Cells, off: np.ndarray, stiff: np.ndarray) -> tuple[np.ndar
         Measured minus predicted force.
     stiff : ndarray, shape (n,), N
         -dF/de of the model that is fitted.
+
+    Returns
+    -------
+    residual, by_force, by_stiffness : ndarray, shape (n,)
+        The derivatives are those in ``off`` (1) and in ``stiff`` (1).
     """
     assert cells.stiffness is not None
-    most = cells.strain_range
-    off = off - cells.strain_noise
-    known = (stiff > 0.0) & (np.abs(off) < most * stiff)
-    share = np.where(known, cells.stiffness / np.where(known, stiff, 1.0), 0.0)
-    far = np.where(off < 0.0, -most, most) * cells.stiffness
-    return np.where(known, share * off, far) + cells.strain_noise, share
+    most, off = cells.strain_range, off - cells.strain_noise
+    least = _NO_STIFFNESS * cells.stiffness
+    bounded, sign = np.maximum(stiff, least), np.where(off < 0.0, -1.0, 1.0)
+    error = np.abs(off) / bounded
+    far = (error >= most) | (stiff <= 0.0)
+    beyond = np.maximum(error / most, 1.0)
+    residual = sign * np.where(far, most * (1.0 + np.log(beyond)), error)
+    by_force = 1.0 / (bounded * beyond) * ~(far & (error < most))
+    by_stiffness = -sign * np.where(far, most, error) / bounded * (stiff > least)
+    return (cells.stiffness * residual + cells.strain_noise, cells.stiffness * by_force,
+            cells.stiffness * by_stiffness)
 
 
 def _beside(motion: Motion) -> tuple[Motion, Motion]:

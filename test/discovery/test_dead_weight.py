@@ -65,7 +65,7 @@ def test_a_force_that_depends_on_nothing_explains_no_strain(paper_muscle, lift):
     """It is equal to the weight everywhere; its error is the range of the strain."""
     cells = reduce(paper_muscle, lift(50.0))
     none = np.zeros(len(cells))
-    residual, _ = in_strain(cells, cells.strain_noise + none, none)
+    residual, *_ = in_strain(cells, cells.strain_noise + none, none)
     assert_allclose(residual - cells.strain_noise, cells.strain_range * cells.stiffness)
 
 
@@ -75,13 +75,38 @@ def test_an_error_of_strain_is_that_of_the_force_over_the_stiffness_of_the_fitte
     cells = reduce(paper_muscle, lift(50.0))
     off = np.full(len(cells), 2.0)
     for share in (1.0, 2.0):
-        residual, _ = in_strain(cells, cells.strain_noise + off, share * cells.stiffness)
+        residual, *_ = in_strain(cells, cells.strain_noise + off, share * cells.stiffness)
         assert_allclose(residual - cells.strain_noise, off / share)
 
 
-def test_slopes_are_derivatives_of_the_error_in_strain(paper_muscle, lift):
-    """In every parameter, friction and rubber among them."""
+def test_beyond_the_range_of_the_strain_the_error_grows_with_the_logarithm(paper_muscle, lift):
+    """Continuously, and with its derivatives, whatever the signs of error and stiffness."""
+    cells = reduce(paper_muscle, lift(50.0))
+    off = cells.strain_range * cells.stiffness
+    for sign in (1.0, -1.0):
+        def error(factor, share, sign=sign):
+            return sign * (in_strain(cells, cells.strain_noise + sign * factor * off,
+                                     share * cells.stiffness)[0]
+                           - cells.strain_noise) / off
+        assert_allclose(error(1.0, 1.0), 1.0)
+        assert_allclose(error(np.e, 1.0), 2.0)
+        assert_allclose(error(1.0, 1.0 / np.e), 2.0)
+        assert_allclose(error(1.0, -1.0), error(1.0, 0.0))
+        assert (error(1.0, 0.0) > error(0.5, 0.1)).all()
+    for factor, share in ((0.7, 1.2), (1.5, 0.9), (0.5, 0.3), (-2.0, 1.0)):
+        at = cells.strain_noise + factor * off, share * cells.stiffness
+        _, by_force, by_stiffness = in_strain(cells, *at)
+        for found, move in ((by_force, (1e-4, 0.0)), (by_stiffness, (0.0, 1e-4))):
+            below, above = (in_strain(cells, *(x + way * d for x, d in zip(at, move)))[0]
+                            for way in (-1.0, 1.0))
+            assert_allclose(found, (above - below) / 2e-4, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize('radius', [1.0, 1.3])
+def test_slopes_are_derivatives_of_the_error_in_strain(paper_muscle, lift, radius):
+    """In every parameter, friction and rubber among them; far off, too."""
     cells = reduce(paper_muscle, lift(50.0, friction=4.0))
+    paper_muscle = paper_muscle.with_parameters({'geometry.radius': radius * 6.35e-3})
     fitter, options = Fitter(Covariance(cells, 0.01)), Options.of(paper_muscle, cells, Choices())
     names = (*options.own, 'coulomb_friction')
     model, priors, step = options.bundle(names), options.priors(names), 1e-5
