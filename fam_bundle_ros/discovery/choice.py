@@ -162,8 +162,8 @@ def likelier_than_not(search: Search, chosen: Fit, found: list[Change],
     that is small, or that shows at a few speeds only, though both say that something is missing.
     One half is the limit of the median probability model (Barbieri and Berger 2004).
     Similar effects share the probability, so none may reach one half: then, if nothing else was
-    found, return the most probable set, within the odds of the chosen one, whose effects explain
-    the structure without a discrepancy.
+    found and it is likelier than not that something is missing, return the most probable set,
+    within the odds of the chosen one, whose effects explain the structure without a discrepancy.
 
     Parameters
     ----------
@@ -180,7 +180,9 @@ def likelier_than_not(search: Search, chosen: Fit, found: list[Change],
             if set(found) < set(changes(fit.names)):
                 return fit, [*found, *added]
             break
-    for fit in () if found else _near(search, chosen.posterior):
+    missing = 1.0 - posterior.weights[[fit.names for fit in posterior.fits].index(
+        search.null.names)]
+    for fit in () if found or missing <= 0.5 else _near(search, chosen.posterior):
         alone = fitter.beside_discrepancy(fitter.without_discrepancy(fit), fit.hyper)
         if changes(fit.names) and not leaves_structure(search, alone, alone):
             return fit, changes(fit.names)

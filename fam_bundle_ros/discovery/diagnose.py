@@ -340,7 +340,8 @@ def _ranking(search: Search, posterior: Posterior, answer: list[Change], final: 
         error = _error_of_rows(search, fit, beyond)
         name = change.name
         own = [e for e in estimates(fit) if e.key.startswith(f'{name}.')] if change.new else []
-        probability = shown_probability(finding, posterior.of_label(label), label in chosen)
+        probability = shown_probability(finding, label, posterior.of_label(label),
+                                        label in chosen)
         law = catalogue.available().get(name)
         beside = [] if label in chosen else [
             other.label for other in search.options.changes(best.names) if other != change]

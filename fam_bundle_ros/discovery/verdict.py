@@ -164,6 +164,8 @@ class Finding:
         settled an effect is named with a doubt.
     worse : bool
         Whether the effects are refused since they increase the error of rows.
+    against : frozenset of str
+        Labels of effects in whose place a smooth discrepancy is more probable.
     """
 
     verdict: str
@@ -174,6 +176,7 @@ class Finding:
     faint: float = 0.0
     slips: tuple[str, ...] = ()
     worse: bool = False
+    against: frozenset[str] = frozenset()
 
     @property
     def named(self) -> bool:
@@ -192,14 +195,14 @@ def is_enough(probability: float) -> bool:
     return bool(probability >= 1.0 / (1.0 + np.exp(-settings.LEAST_LOSS)))
 
 
-def shown_probability(finding: Finding, probability: float, named: bool) -> float:
+def shown_probability(finding: Finding, label: str, probability: float, named: bool) -> float:
     """
     Return the probability of an effect as it is shown: not above what other doubts allow.
 
     Evidence enough for a name, without one: the effect does not improve the prediction of
     held-out folds, or its constants are implausible. Then it is not likelier than not.
     """
-    if (finding.refusals or finding.verdict == 'unexplained'
+    if (finding.refusals or finding.verdict == 'unexplained' or label in finding.against
             or not named and is_enough(probability)):
         return min(probability, 0.5)
     return min(probability, DOUBTED if finding.verdict == 'partial' else 1.0)
@@ -246,9 +249,11 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
         change.undone(chosen.names), chosen.start, chosen.hyper).posterior for change in found}
     weak = {change: each for change, each in lost.items() if each < settings.LEAST_LOSS}
     if weak:
+        least = min(weak.values())
         warnings = (*warnings, 'a smooth discrepancy in place of '
-                    + ' or of '.join(change.label for change in weak) + ' is nearly as probable '
-                    f'(odds of {np.exp(min(weak.values())):.2g} to 1)')
+                    + ' or of '.join(change.label for change in weak)
+                    + (' is nearly as probable' if least >= 0.0 else ' is more probable')
+                    + f' (odds of {np.exp(abs(least)):.2g} to 1)')
     warnings = (*warnings, *(artefact.words for artefact in artefacts))
     if not found:
         if artefacts or structured or likely or after.total > negligible(cells):
@@ -265,8 +270,9 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     else:
         rest = structured or after.total > negligible(cells)
         verdict = 'partial' if warnings or slips or rest else 'missing_effect'
+    against = frozenset(change.label for change, each in weak.items() if each < 0.0)
     return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint, tuple(slips),
-                   bool(worse))
+                   bool(worse), against)
 
 
 def leaves_structure(search: Search, fit: Fit, physics: Fit) -> bool:

@@ -144,6 +144,9 @@ def test_of_what_is_as_probable_as_nothing_the_effect_that_explains_all_alone_is
         search.fits[names] = replace(fit, evidence=log - fit.log_prior)
     fit, found = likelier_than_not(search, search.null, [])
     assert [change.label for change in found] == ['coulomb_friction']
+    # as long as it is likelier than not that something is missing
+    search.fits[own] = replace(search.fits[own], evidence=0.6 - search.fits[own].log_prior)
+    assert likelier_than_not(search, search.fits[own], []) == (search.fits[own], [])
     del search.fits[fit.names]
     assert likelier_than_not(search, search.null, []) == (search.null, [])
 

@@ -469,12 +469,14 @@ def test_an_effect_smaller_than_the_drift_beside_it_explains_nothing(search, dri
     ('missing_effect', {}, True, 0.99), ('partial', {}, True, 0.9), ('partial', {}, False, 0.5),
     ('partial', {'warnings': ('a drift',)}, True, 0.9),
     ('partial', {'slips': ('absolute pressure',)}, True, 0.9), ('unexplained', {}, False, 0.5),
-    ('partial', {'refusals': ('a plane is as good',)}, True, 0.5)])
+    ('partial', {'refusals': ('a plane is as good',)}, True, 0.5),
+    ('partial', {'against': frozenset(['end_caps'])}, True, 0.5),
+    ('partial', {'against': frozenset(['tendon_slack'])}, True, 0.9)])
 def test_no_more_is_shown_than_the_doubts_allow(verdict, doubt, named, told):
     """Nor is an effect beside structure that the catalogue does not explain all but certain."""
     finding = verdicts.Finding(verdict, verdicts.Left(1.0, 0.0), **doubt)
-    assert verdicts.shown_probability(finding, 0.99, named) == told
-    assert verdicts.shown_probability(finding, 0.3, named) == 0.3
+    assert verdicts.shown_probability(finding, 'end_caps', 0.99, named) == told
+    assert verdicts.shown_probability(finding, 'end_caps', 0.3, named) == 0.3
 
 
 def test_effects_that_fit_some_cells_at_the_expense_of_most_rows_are_refused(search):
