@@ -13,7 +13,7 @@ over the sets, `verdict` gives the verdict. This module runs these steps and col
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import time
 from typing import Any, NamedTuple
@@ -259,25 +259,42 @@ class Searched:
             without = self.with_set(search.null)
             if without.finding.verdict in ('adequate', 'recalibrate'):
                 return without
-        if judged.finding.verdict == 'unexplained' and len(judged.found) < len(found):
-            whole = self.with_set(chosen)
-            return judged if whole.finding.named else whole
+        if judged.finding.verdict == 'unexplained':
+            if len(judged.found) < len(found):
+                whole = self.with_set(chosen)
+                judged = judged if whole.finding.named else whole
+            return self._nearest(judged)
         return judged
 
-    def with_set(self, chosen: Fit) -> Judged:
-        """Judge a given set."""
+    def _nearest(self, judged: Judged) -> Judged:
+        """Return a refused set, or the single change that leaves less, for the same evidence."""
+        search = self.search
+        single = [fit for fit in search.fits.values()
+                  if len(search.options.changes(fit.names)) == 1]
+        if not single:
+            return judged
+        best = max(single, key=lambda fit: fit.white_posterior)
+        log_odds = search.best.posterior - best.posterior
+        alone = self.with_set(best, ['a smooth discrepancy is '
+                                     f'{np.exp(min(log_odds, 99.0)):.2g} times as probable'])
+        closer = rms(alone.physics.residual) < rms(judged.physics.residual)
+        # what drifts or swings beside it would be told in its place
+        return alone if closer and not alone.finding.artefacts else judged
+
+    def with_set(self, chosen: Fit, refusals: Sequence[str] = ()) -> Judged:
+        """Judge a given set; ``refusals`` are reasons against it that are known before."""
         found = self.search.options.changes(chosen.names)
         physics = self.search.fitter.without_discrepancy(chosen)
         held = held_out(self.search.fitter, physics, chosen)
-        return self._judged(chosen, found, physics, held, bool(found))
+        return self._judged(chosen, found, physics, held, bool(found), refusals)
 
     def _judged(self, chosen: Fit, found: list[Change], physics: Fit, held: HeldOut,
-                likely: bool) -> Judged:
+                likely: bool, refusals: Sequence[str] = ()) -> Judged:
         fitter, null = self.search.fitter, self.search.null
         base = fitter.without_discrepancy(null) if likely else physics
         finding = judge(self.search, base, chosen, physics, found, held,
                         artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets),
-                        likely, self.comparison.slips)
+                        likely, self.comparison.slips, refusals)
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
         return Judged(chosen, found, physics, base, held, finding)

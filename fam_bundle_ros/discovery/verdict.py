@@ -210,7 +210,7 @@ def shown_probability(finding: Finding, label: str, probability: float, named: b
 
 def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
           held: HeldOut, artefacts: Sequence[Artefact], likely: bool, slips: Sequence[str] = (),
-          ) -> Finding:
+          refusals: Sequence[str] = ()) -> Finding:
     """
     Return the verdict.
 
@@ -228,8 +228,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     likely : bool
         Whether the evidence named an effect before the test on held-out folds. If that test
         removed all effects, the verdict is `unexplained`, not `adequate`.
-    slips : sequence of str
-        As in `Finding`.
+    slips, refusals : sequence of str
+        As in `Finding`; reasons against the set that are known before.
     """
     fitter, null, cells = search.fitter, search.null, search.fitter.cells
     after = remaining_discrepancy(fitter.covariance, chosen, physics)
@@ -239,8 +239,9 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     faint = after.smooth if needed and not structured else 0.0
     abnormal = settings.ABNORMAL * fitter.covariance.unexplained * cells.force_sd
     worse = _worse_rows(cells, base, physics) if found else []
-    refusals = (*_refusals(physics, held, _effect_of_pressure(fitter, null)),
-                *worse) if found else ()
+    if found:
+        refusals = (*refusals, *_refusals(physics, held, _effect_of_pressure(fitter, null)),
+                    *worse)
     if found and structured and (odd := implausible_constants(physics)):
         refusals = (*refusals, f"{' and '.join(odd.values())}, and structure is left")
     warnings = (*_warnings(physics, held), *_undetermined(held, cells),
@@ -271,8 +272,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
         rest = structured or after.total > negligible(cells)
         verdict = 'partial' if warnings or slips or rest else 'missing_effect'
     against = frozenset(change.label for change, each in weak.items() if each < 0.0)
-    return Finding(verdict, after, refusals, warnings, tuple(artefacts), faint, tuple(slips),
-                   bool(worse), against)
+    return Finding(verdict, after, tuple(refusals), warnings, tuple(artefacts), faint,
+                   tuple(slips), bool(worse), against)
 
 
 def leaves_structure(search: Search, fit: Fit, physics: Fit) -> bool:

@@ -522,6 +522,27 @@ def test_effects_that_make_rows_worse_are_no_answer_to_a_model_that_leaves_noise
     assert bool(judged.found) == bool(wave)
 
 
+@pytest.mark.parametrize(('left', 'nearest'), [(0.6, ['coulomb_friction']), (1.1, [])])
+def test_of_what_is_refused_the_change_that_leaves_least_comes_nearest(search, left, nearest,
+                                                                       monkeypatch):
+    """Though a smooth discrepancy explains it better; it is told with the odds against it."""
+    made = search(nothing=20.0, coulomb_friction=0.0, coulomb_friction__end_caps=8.0)
+    wave = 20.0 * np.sin(30.0 * made.fitter.cells.strain)
+    for names, fit in made.fits.items():
+        share = left if 'coulomb_friction' in names else 1.0
+        made.fits[names] = replace(fit, residual=share * wave, hyper=Hyper(
+            even=12, strain=3, pressure=1))
+    made.null = made.best = made.fits[made.null.names]
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
+    monkeypatch.setattr(sys.modules[Searched.__module__], 'artefacts', lambda *given: [])
+    comparison = SimpleNamespace(noise=noise_floor(made.fitter.cells.data), slips=())
+    judged = Searched(comparison, made.fitter.cells.data, None, made).alone()
+    assert judged.finding.verdict == 'unexplained'
+    assert [change.label for change in judged.found] == nearest
+    said = 'a smooth discrepancy is 4.9e+08 times as probable'
+    assert (said in judged.finding.refusals) == bool(nearest)
+
+
 def test_what_is_explained_is_a_share_of_the_mean_square_whatever_the_noise(search):
     """Nine tenths of it are gone; how small the noise is beside what is left does not matter."""
     null = search(nothing=0.0).null
