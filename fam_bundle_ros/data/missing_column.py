@@ -125,7 +125,9 @@ def _misfit(table: Table, key: str, unused: Sequence[str]) -> str:
         match, text = table.meaning(header), table.unit_text(header)
         if match.score or not text or family(match.quantity) != key:
             continue
-        told = shown(match.quantity) + (f'.{match.part}' if match.part else '')
+        # of the force there is one, also where its channel has a number
+        told = shown(match.quantity) + (
+            f'.{match.part}' if match.part and key == 'pressure' else '')
         unit = example_unit(match.quantity)
         others = _examples(table, key, [other for other in unused if other != header])
         return (f"column '{header}': '{text}' is not a unit of {key}; if its numbers are in "

@@ -38,17 +38,16 @@ from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import remaining_discrepancy
 from fam_bundle_ros.discovery.words import renamed
 from fam_bundle_ros.errors import InputError
-from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle, catalogue, Effect
 from fam_bundle_ros.processes import on_one_core
-from fam_bundle_ros.told import Told
+from fam_bundle_ros.told import Answer
 
 #: What a table adds to the name of a model, by kind of `Recommended`.
 _NAMED = {'discrepancy': '_and_discrepancy', empirical_surface.NAME: '_corrected'}
 
 
 @dataclass(frozen=True, repr=False)
-class Added(Told):
+class Added(Answer):
     """
     A model with effects added, replaced or removed, and all its parameters refitted.
 
@@ -134,10 +133,6 @@ class Added(Told):
                 'recommended': self.recommended.to_dict(), 'noise_floor_N': self.noise.value,
                 'log_odds': self.log_odds, 'least_odds': self.least_odds, 'afresh': self.afresh,
                 'parameters': {e.key: e.to_dict() for e in self.parameters}}
-
-    def to_json(self) -> str:
-        """Return `to_dict` as JSON."""
-        return to_json(self.to_dict())
 
     def to_frame(self) -> Any:
         """Return the parameters as a pandas DataFrame."""
@@ -298,7 +293,7 @@ def _effect(item: str | Effect, model: Bundle) -> Effect:
 
 
 @dataclass(frozen=True, repr=False)
-class Ladder(Told):
+class Ladder(Answer):
     """
     Errors of several models on the same data.
 
@@ -343,10 +338,6 @@ class Ladder(Told):
         """Return plain numbers, lists and text."""
         return {'data': self.data, 'steps': self.steps, 'noise_floor_N': self.noise.value,
                 'rivals_N': dict(self.rivals_N), 'noise': self.noise.to_dict()}
-
-    def to_json(self) -> str:
-        """Return `to_dict` as JSON."""
-        return to_json(self.to_dict())
 
     def to_frame(self) -> Any:
         """Return the steps as a pandas DataFrame."""

@@ -106,13 +106,8 @@ def _within(place: np.ndarray, values: np.ndarray) -> tuple[float, int]:
 def _offsets_left(cells: Cells, physics: Fit) -> Offsets | None:
     """Return the offsets between the trials of a log, if they are visible in the noise."""
     kept = cells.label >= 0
-    found = trial_offsets(cells.data.select(kept), _left(cells, physics)[kept])
+    found = trial_offsets(cells.data.select(kept), cells.residual_of_rows(physics.model)[kept])
     return found if found is not None and found.size > settings.VISIBLE * cells.noise else None
-
-
-def _left(cells: Cells, fit: Fit) -> np.ndarray:
-    """Return the error of a fit's effects in the rows, (T,), N."""
-    return cells.data.force - fit.model.predict(cells.motion)
 
 
 def _unexplained(fitter: Fitter, chosen: Fit) -> np.ndarray:
@@ -121,7 +116,7 @@ def _unexplained(fitter: Fitter, chosen: Fit) -> np.ndarray:
     kept = cells.label >= 0
     smooth = fitter.covariance.mean_of(chosen.hyper._replace(slow=0), chosen.hyper,
                                        chosen.residual)
-    return _left(cells, chosen)[kept] - smooth[cells.label[kept]]
+    return cells.residual_of_rows(chosen.model)[kept] - smooth[cells.label[kept]]
 
 
 def _contradictions(fitter: Fitter, chosen: Fit) -> Iterator[Artefact]:
@@ -153,7 +148,7 @@ def _vibrations(fitter: Fitter, chosen: Fit, physics: Fit) -> Iterator[Artefact]
     cells = fitter.cells
     kept = cells.label >= 0
     data = cells.data.select(kept)
-    found = (vibration(data, _left(cells, physics)[kept], cells.noise)
+    found = (vibration(data, cells.residual_of_rows(physics.model)[kept], cells.noise)
              or vibration(data, _unexplained(fitter, chosen), cells.noise))
     if found is not None and found.amplitude > np.sqrt(2.0) * settings.VISIBLE * cells.noise:
         yield Artefact(

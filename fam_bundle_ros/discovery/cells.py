@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from scipy.optimize import brentq
@@ -48,6 +49,13 @@ _BINS = (60, 40, 30, 24, 20, 16, 12, 10)
 #: Blocks of rows per cell: for a parabola over the range, in cells of 1/10 of it, the error of a
 #: cell's mean is 5e-5 of the change of the force.
 _BLOCKS = 4
+
+
+class Predicts(Protocol):
+    """What predicts the force of a motion, (T,), N: a `Bundle`, or a form without physics."""
+
+    def predict(self, motion: Motion) -> np.ndarray:
+        """Return the force of each row, (T,), N."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +131,10 @@ class Cells:
     def largest_force(self) -> float:
         """Largest absolute force of a cell, N."""
         return float(np.abs(self.force).max())
+
+    def residual_of_rows(self, model: Predicts) -> np.ndarray:
+        """Return measured minus predicted force of the rows, (T,), N."""
+        return self.data.force - model.predict(self.motion)
 
     def mean_square(self, residual: np.ndarray) -> float:
         """Return the mean over rows of the square of a residual of cells, (n,), N^2."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-import json
 from typing import Any
 
 import numpy as np
@@ -44,7 +43,7 @@ from fam_bundle_ros.discovery.predict import (
 )
 from fam_bundle_ros.discovery.reading import measurement_of
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.told import Told
+from fam_bundle_ros.told import Answer
 
 #: Share of the highest pressure by which the pressure of a motor unit varies, beyond its noise.
 _VARIES = 0.05
@@ -55,7 +54,7 @@ _MOST_ISOBARS = 24
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(Told):
+class Comparison(Answer):
     """
     Error of a model on a measurement.
 
@@ -158,18 +157,14 @@ class Comparison(Told):
                 'notes': [*self.slips, *filter(None, [self.history]), *self.measurement.notes],
                 'data_sha256': self.measurement.sha256}
 
-    def to_json(self) -> str:
-        """Return `to_dict` as JSON."""
-        return json.dumps(self.to_dict(), indent=1)
-
     def figure(self) -> Any:
         """Return the plotly figure of the comparison (extra `tools`)."""
         from fam_bundle_ros.discovery import figures
         return figures.comparison(self)
 
 
-def compare(model: Bundle, measurement: Measurement | Any, *,
-            noise: NoiseFloor | None = None, choose_past: bool = True) -> Comparison:
+def compare(model: Bundle, measurement: Measurement | Any, *, choose_past: bool = True,
+            ) -> Comparison:
     """
     Compare a model with a measurement.
 
@@ -177,8 +172,6 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     ----------
     model : Bundle
     measurement : Measurement, path, or DataFrame
-    noise : NoiseFloor, optional
-        By default estimated from the data.
     choose_past : bool
         Whether the memory may start anew with each trial, see `likelier_past`.
 
@@ -193,7 +186,7 @@ def compare(model: Bundle, measurement: Measurement | Any, *,
     prediction = predict(model, data)
     residual = data.force - prediction
     slope = stiffness(model, data)
-    floor = noise or floor_of(data, residual, slope)
+    floor = floor_of(data, residual, slope)
     past_free = free_mask(model, data)
     maps = residual_maps(data, residual)
     lack = lack_of_fit(data, residual, floor)
@@ -271,10 +264,9 @@ def lack_of_fit(data: Measurement, residual: np.ndarray, floor: NoiseFloor) -> f
     """Return the mean square of cell means relative to its expected value for noise alone."""
     cell, _ = visit_cells(data, 24)
     count = np.bincount(cell)
-    mean = np.bincount(cell, residual) / np.maximum(count, 1)
-    used = count > 0
+    mean = np.bincount(cell, residual) / count
     expected = floor.value ** 2 * floor.correlation
-    return float(np.mean((mean ** 2 * count)[used]) / max(expected, 1e-30))
+    return float(np.mean(mean ** 2 * count) / max(expected, 1e-30))
 
 
 def _part(grid: np.ndarray) -> float:

@@ -28,6 +28,7 @@ import math
 
 import numpy as np
 
+from fam_bundle_ros.data.rates import spread
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.model import Bundle
@@ -119,8 +120,8 @@ def _lagged(rho: np.ndarray, lag: int) -> np.ndarray:
 
 
 def _variance(values: deque[float]) -> float:
-    """Return a robust estimate of the variance, from the median absolute value."""
-    return (1.4826 * float(np.median(np.abs(np.array(values))))) ** 2
+    """Return a robust estimate of the variance."""
+    return spread(np.array(values)) ** 2
 
 
 @dataclass

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import softmax
 
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.fitter import Fit
@@ -106,10 +107,8 @@ class JointPosterior:
     def probability(self) -> dict[str, float]:
         """Return the probability of each change of the muscle, by its label."""
         log = np.array([value for value, _ in self._known.values()])
-        weight = np.exp(log - log.max())
-        weight /= weight.sum()
         found: dict[str, float] = {}
-        for each, share in zip(self._known, weight):
+        for each, share in zip(self._known, softmax(log)):
             for label in {c.label for c in self.options.changes(each)}:
                 found[label] = found.get(label, 0.0) + float(share)
         return dict(sorted(found.items(), key=lambda item: -item[1]))

@@ -21,9 +21,8 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
 from fam_bundle_ros.discovery.posterior import LikelySet, Trade
 from fam_bundle_ros.discovery.templates import SHARE, Template
-from fam_bundle_ros.jsonfile import to_json
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.told import Told
+from fam_bundle_ros.told import Answer, Told
 
 VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
 #: Words for each kind of `Recommended`.
@@ -162,7 +161,7 @@ class Recommended(Told):
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis(Told):
+class Diagnosis(Answer):
     """
     What a model is missing, judged on a measurement.
 
@@ -322,10 +321,6 @@ class Diagnosis(Told):
             'confounding': {'parameters': self.confounding[0],
                             'correlation': np.round(self.confounding[1], 4).tolist()},
             'seconds': self.seconds}
-
-    def to_json(self) -> str:
-        """Return `to_dict` as JSON (numbers that are not finite become null)."""
-        return to_json(self.to_dict())
 
     def to_frame(self) -> Any:
         """Return the ranking as a pandas DataFrame."""

@@ -10,30 +10,21 @@ visits to the same place are averaged; this gives enough rows for places of 1/60
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from fam_bundle_ros.data.grouping import varying_unit
-from fam_bundle_ros.discovery.cells import Cells, places
+from fam_bundle_ros.discovery.cells import Cells, places, Predicts
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import Fitter
 from fam_bundle_ros.discovery.linear import Linear
 from fam_bundle_ros.discovery.log_rows import averages
-from fam_bundle_ros.model import Motion
 from fam_bundle_ros.model.laws.discrepancy import DEAD, ROUNDING
 from fam_bundle_ros.model.vocabulary import bound, dahl
 
 #: Points of the table over strain and pressure, enough for a length scale of 0.06 of the range.
 STRAINS, PRESSURES = 41, 25
-
-
-class Predicts(Protocol):
-    """What predicts the force of a motion, (T,), N: a `Bundle`, or a form without physics."""
-
-    def predict(self, motion: Motion) -> np.ndarray:
-        """Return the force of each row, (T,), N."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +141,7 @@ def _covariance(fitter: Fitter, model: Predicts, hyper: Hyper, used: np.ndarray 
     kept = cells.label >= 0
     if used is not None:
         kept &= used[cells.label]
-    off = cells.data.force - model.predict(cells.motion)
+    off = cells.residual_of_rows(model)
     way = way_of(cells) if hyper.both_ways else np.zeros(len(off))
     there = _averaged(cells, off, places(cells, kept, np.sign(way).astype(int)), way)
     return Covariance(there, fitter.covariance.unexplained, cells.force_sd)

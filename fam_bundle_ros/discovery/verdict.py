@@ -32,7 +32,7 @@ from fam_bundle_ros.discovery.search import Search
 
 #: Limit of a plausible shift, in widths of the prior. Geometry beyond it gives a warning; a
 #: constant of a law beyond it gives a refusal if structure is left.
-_TOLERANCES = 3.0
+TOLERANCES = 3.0
 #: Upper limit of the probability shown when there is a warning, or structure is left.
 DOUBTED = 0.9
 
@@ -104,7 +104,7 @@ def implausible_geometry(physics: Fit) -> list[str]:
     """Return in words which dimensions are implausibly far from their priors."""
     return [f'{prior.key} has moved {u:+.1f} tolerances'
             for prior, u in zip(physics.priors, physics.u)
-            if prior.key.startswith('geometry.') and abs(u) > _TOLERANCES]
+            if prior.key.startswith('geometry.') and abs(u) > TOLERANCES]
 
 
 def implausible_constants(physics: Fit) -> dict[str, str]:
@@ -115,7 +115,7 @@ def implausible_constants(physics: Fit) -> dict[str, str]:
     """
     return {prior.key: f'{prior.key} is {u:+.1f} widths of its prior from the usual value'
             for prior, u in zip(physics.priors, physics.u)
-            if not prior.key.startswith('geometry.') and abs(u) > _TOLERANCES
+            if not prior.key.startswith('geometry.') and abs(u) > TOLERANCES
             and not _is_off(prior, u)}
 
 
@@ -364,8 +364,7 @@ def _worse_rows(cells: Cells, base: Fit, physics: Fit) -> list[str]:
     if rms(physics.residual) >= rms(base.residual):
         return []  # named for its prior: the model as given fits by an unlikely geometry
     used = cells.label >= 0
-    before, after = (rms((cells.data.force - fit.model.predict(cells.motion))[used])
-                     for fit in (base, physics))
+    before, after = (rms(cells.residual_of_rows(fit.model)[used]) for fit in (base, physics))
     return [f'the error of all rows grows from {before:.4g} to {after:.4g} N with the effects'
             ] if after > before else []
 

@@ -28,7 +28,7 @@ from fam_bundle_ros.discovery.held_out import HeldOut
 from fam_bundle_ros.discovery.options import Change, head
 from fam_bundle_ros.discovery.posterior import Posterior, Trade
 from fam_bundle_ros.discovery.templates import Template
-from fam_bundle_ros.discovery.verdict import Finding, is_enough
+from fam_bundle_ros.discovery.verdict import Finding, is_enough, TOLERANCES
 from fam_bundle_ros.model import Bundle, catalogue, Place
 from fam_bundle_ros.told import counted, number
 
@@ -159,11 +159,11 @@ def error_of_used(cells: Cells, model: Bundle, error: float) -> float:
     """
     if cells.rows > len(cells.label):
         return error
-    return _error_in_cells(cells, model)
+    return _error_of_used(cells, model)
 
 
-def _error_in_cells(cells: Cells, model: Bundle) -> float:
-    return rms((cells.data.force - model.predict(cells.motion))[cells.label >= 0])
+def _error_of_used(cells: Cells, model: Bundle) -> float:
+    return rms(cells.residual_of_rows(model)[cells.label >= 0])
 
 
 def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
@@ -256,7 +256,7 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         averaged = (f' (averages of neighbours; the log has {cells.rows})'
                     if cells.rows > len(cells.label) else '')
         notes.append(f'{left_out} of {len(cells.label)} rows{averaged} are not used ({why}); on '
-                     f'the others the best error is {_error_in_cells(cells, final.model):.3g} N')
+                     f'the others the best error is {_error_of_used(cells, final.model):.3g} N')
     if cells.one_force:
         assert cells.stiffness is not None
         notes.append(f'the force is constant ({data.force.mean():.3g} N): errors in N are those '
@@ -279,7 +279,7 @@ def notes_on(cells: Cells, floor: NoiseFloor, base: Fit, final: Fit, held: HeldO
         refits.insert(0, ('the refit', final))
     for words, fit in refits:
         far = [f'{p.key} {u:+.1f}' for p, u in zip(fit.priors, fit.u)
-               if abs(u) > 3.0 and p.key.startswith('geometry')]
+               if abs(u) > TOLERANCES and p.key.startswith('geometry')]
         if far:
             notes.append(f'{words} moves the geometry beyond its tolerances: '
                          + ', '.join(far) + ' tolerances')

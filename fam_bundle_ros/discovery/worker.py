@@ -19,11 +19,11 @@ import sys
 import threading
 from typing import Any
 
-from fam_bundle_ros.atomic import write_whole
 from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.protocol import save_protocol
 from fam_bundle_ros.discovery.settings import Choices
-from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.errors import InputError, system_errors
+from fam_bundle_ros.jsonfile import write_json
 from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.processes import environment, own_stdout
 
@@ -160,18 +160,15 @@ def run(model: Bundle, data: Measurement, file: str, model_file: str,
     from fam_bundle_ros.discovery.diagnose import diagnose
     found = diagnose(model, data, choices=choices,
                      progress=lambda share, words: tell(0.99 * share, words))
-    try:
+    with system_errors(Path(file).parent, 'cannot be made'):
         Path(file).parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f'{Path(file).parent}: cannot be made ({error.strerror})') from error
     found.recommended.save(model_file)
     protocol = ''
     if found.next_protocol is not None:
         protocol = str(Path(file).with_suffix('.protocol.yaml'))
         save_protocol(found.next_protocol, protocol)
-    result = {**json.loads(found.to_json()), 'file': file, 'model_file': model_file,
-              'protocol_file': protocol}
-    write_whole(file, json.dumps(result, indent=1))
+    write_json(file, {**found.to_dict(), 'file': file, 'model_file': model_file,
+                      'protocol_file': protocol})
 
 
 def main() -> None:

@@ -533,6 +533,18 @@ def test_a_column_that_is_called_data_has_no_unit_by_that(log):
                           'p [kPa]': pressure / 1e3, 'F [N]': force}, rest_length='250 mm')
 
 
+def test_a_load_cell_on_the_first_channel_is_still_the_one_force(log):
+    """What is suggested for its volts is taken as it stands."""
+    time, strain, pressure, force = log
+    table = {'t [s]': time, 'strain': strain, 'p [kPa]': pressure / 1e3,
+             'AI1 load [mV]': (force + 2.0) / 50.0}
+    with pytest.raises(InputError, match='what one mV is worth') as error:
+        read_measurement(table)
+    told = 'AI1 load * 50 N - 2 N'
+    assert f'--columns "force={told}"' in str(error.value)
+    assert np.allclose(read_measurement(table, columns={'force': told}).force, force)
+
+
 def test_the_atmosphere_of_a_column_may_be_taken_off(log):
     """A difference of two absolute pressures is gauge; the column of the atmosphere is named."""
     time, strain, pressure, force = log

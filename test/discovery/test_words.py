@@ -245,14 +245,14 @@ def test_where_nothing_is_missing_the_next_step_is_plain(verdict, rubber, words)
 def test_notes_say_what_was_left_out_and_what_moved_too_far():
     """Each once; nothing where nothing is odd."""
     data = log(1e5, 3e5, 2e5)
-    model = SimpleNamespace(predict=lambda motion: data.force - 0.5, effects=[],
-                            motor_units=[], max_pressure=[])
+    model = SimpleNamespace(effects=[], motor_units=[], max_pressure=[])
     calm = SimpleNamespace(priors=BASE.priors, u=np.zeros(3), model=model)
     far = SimpleNamespace(priors=BASE.priors, u=np.array([0.0, -3.2, 9.0]), model=model)
     floor, kinds = SimpleNamespace(note=''), SimpleNamespace(kinds={'trial': (1.0, 1.0)})
     label = np.arange(len(data)) // 3
     cells = SimpleNamespace(data=data, label=label, unused={'spikes': 3, 'odd': 4}, motion=None,
-                            one_force=False, rows=600)
+                            one_force=False, rows=600,
+                            residual_of_rows=lambda model: np.full(len(data), 0.5))
     assert notes_on(cells, floor, calm, calm, kinds) == ()
     label[:7] = -1
     ripple = SimpleNamespace(note='a fine ripple')
