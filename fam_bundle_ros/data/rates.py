@@ -260,7 +260,11 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Smooth:
     noise = _noise(time, value, trial)
     if noise <= 0.0:
         return Smooth(value, np.zeros(len(value)), 0.0)
-    parts, corners = _parts(time, trial), _slope(time, value, trial, noise)[1]
+    parts, corners = _parts(time, trial), None
+    for window in (_WINDOWS[-1], *_SMOOTHED[:0:-1]):  # corners by the widest that fits
+        fitted, _, corners = _with_corners(time, value, parts, window // 2, noise)
+        if not _misses(value, fitted, noise, window):
+            break
     ends = np.zeros(len(value), bool)
     ends[[rows[0] for rows in parts]] = True
     ramp = np.zeros(len(value))
@@ -326,27 +330,26 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
 
     Rows of one trial are neighbours; no window reaches across trials or long pauses.
     """
-    return _slope(time, value, trial, _noise(time, value, trial))[0]
-
-
-def _slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray, noise: float,
-           ) -> tuple[Slope, _Corners | None]:
-    """Return the slope of a signal with this noise, and its corners."""
+    noise = _noise(time, value, trial)
     parts, step = _parts(time, trial), usual_step(time, trial)
-    best, corners = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0]), None
+    best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
     for window in _WINDOWS:
-        fitted, rate, found = _with_corners(time, value, parts, window // 2, noise)
+        fitted, rate, _ = _with_corners(time, value, parts, window // 2, noise)
         # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
         rate_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
-        leverage = 1.0 - 2.25 / window
-        missed = float(np.mean((value - fitted) ** 2))
-        expected = noise ** 2 * leverage
-        if window > _WINDOWS[0] and missed > 1.3 * expected + (0.3 * noise) ** 2:
+        if window > _WINDOWS[0] and _misses(value, fitted, noise, window):
             break
-        best, corners = Slope(rate, float(rate_noise), window), found
+        best = Slope(rate, float(rate_noise), window)
         if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
             break
-    return best, corners
+    return best
+
+
+def _misses(value: np.ndarray, fitted: np.ndarray, noise: float, window: int) -> bool:
+    """Return whether local quadratics of this window, in rows, miss more than the noise."""
+    leverage = 1.0 - 2.25 / window
+    missed = float(np.mean((value - fitted) ** 2))
+    return missed > 1.3 * noise ** 2 * leverage + (0.3 * noise) ** 2
 
 
 def _corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,

@@ -64,7 +64,8 @@ def trial_offsets(measurement: Measurement, values: np.ndarray) -> Offsets | Non
         return None
     left = y - dummies @ offset
     shared = np.abs(dummies).max(axis=1) > 1e-9
-    tau = autocorrelation_time(left, trial)
+    # the rows of a cell that one trial has met are without their mean: they look less correlated
+    tau = autocorrelation_time(left[shared], trial[shared])
     free = (shared.sum() - len(np.unique(cell[shared])) - rank) / tau
     if free < 2:
         return None

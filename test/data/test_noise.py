@@ -123,6 +123,21 @@ def test_noise_that_lasts_is_no_offset_of_a_trial(sweeps):
         ) == pytest.approx(4.0, abs=1.0)
 
 
+def test_noise_that_lasts_is_no_offset_where_few_rows_tell():
+    """Most cells were met by one trial only; their rows say nothing about the noise between."""
+    rng, time = np.random.default_rng(1), 0.01 * np.arange(6000)
+    trial = np.repeat(np.arange(6), 1000)
+    strain = 0.1 + 0.1 * np.sin(2.0 * np.pi * (0.06 * time + rng.random()))
+    pressure = 2e5 + 1e5 * np.sin(2.0 * np.pi * 0.02 * time)
+    data = build('log', strain, pressure, 100.0 + strain, trial, time)
+    alarms = 0
+    for _ in range(60):
+        white = rng.standard_normal((2, 6000))
+        noise = white[0] + lfilter([0.33], [1.0, -0.9], white[1])
+        alarms += trial_offsets(data, noise) is not None
+    assert alarms < 6
+
+
 def test_an_offset_below_the_resolution_is_not_told(sweeps):
     """A ten-thousandth of the largest force is what a load cell can show."""
     data = sweeps(cycles=2)
