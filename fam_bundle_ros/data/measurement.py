@@ -21,6 +21,7 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
 from fam_bundle_ros.data.dropouts import what_was_lost
+from fam_bundle_ros.data.smoothing import Smooth, smooth
 from fam_bundle_ros.data.trials import (
     fresh_stamps,
     MIN_ROWS,
@@ -188,12 +189,12 @@ class Measurement(Told):
         return np.arange(len(self), dtype=float) if self.time is None else self.time
 
     @cached_property
-    def smooth(self) -> tuple[rates.Smooth, ...]:
+    def smooth(self) -> tuple[Smooth, ...]:
         """Strain and pressures of a log without as much of their noise as possible."""
         columns = (self.strain, *self.pressure.T)
         if self.time is None:
-            return tuple(rates.Smooth(column, np.zeros(len(self)), 0.0) for column in columns)
-        return tuple(rates.smooth(self.time, column, self.trial) for column in columns)
+            return tuple(Smooth(column, np.zeros(len(self)), 0.0) for column in columns)
+        return tuple(smooth(self.time, column, self.trial) for column in columns)
 
     @property
     def smoothed(self) -> tuple[np.ndarray, np.ndarray]:

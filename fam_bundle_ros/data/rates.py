@@ -15,11 +15,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import maximum_filter1d
 from scipy.special import ndtri
 
-_WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
+WINDOWS = (5, 7, 9, 13, 19, 27, 39, 55)
 #: A time step longer than so many usual steps is a pause of the log.
-PAUSE_STEPS = _WINDOWS[-1]
-#: Windows of `smooth`, in rows; wider ones would flatten the bends of a moving signal.
-_SMOOTHED = (5, 9, 17, 33)
+PAUSE_STEPS = WINDOWS[-1]
 #: Probability, per log, that noise alone is reported as a corner, an offset, a stuck force.
 FALSE_ALARM = 0.001
 #: Probability that two samples of one distribution are taken for different ones.
@@ -53,10 +51,10 @@ class _Local(NamedTuple):
     missed: np.ndarray
 
 
-class _Corners(NamedTuple):
-    """Sudden changes of the slope of a signal: all (T,), of what is 0 before the first one."""
+class Corners(NamedTuple):
+    """Sudden changes of the slope of a signal, all (T,)."""
 
-    #: The signal that the changes alone would make, and its slope up to each sample.
+    #: The signal that the changes alone would make, and its slope, from zero at the first row.
     ramp: np.ndarray
     slope: np.ndarray
     #: Change of the slope at each sample, 0 for none, and whether it comes before the sample.
@@ -103,7 +101,7 @@ def _local(time: np.ndarray, value: np.ndarray, half: int) -> _Local:
     return _Local(*fitted, bend / scale, sd / scale, missed)
 
 
-def _locally(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int) -> _Local:
+def locally(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int) -> _Local:
     """Return `_local` of each part, blocks of rows at a time to spare memory."""
     pieces = []
     for rows in parts:
@@ -129,7 +127,7 @@ def usual_step(time: np.ndarray, trial: np.ndarray) -> float:
     The median over many rows each, as rows may come in packets, but not over those with a pause:
     one in every hundred rows would be in most of them.
     """
-    count = int(np.clip(np.median(np.bincount(trial - trial.min())) // 2, 1, _WINDOWS[-1]))
+    count = int(np.clip(np.median(np.bincount(trial - trial.min())) // 2, 1, WINDOWS[-1]))
     steps = (time[count:] - time[:-count]) / count
     whole = trial[count:] == trial[:-count]
     if not whole.any():
@@ -140,7 +138,7 @@ def usual_step(time: np.ndarray, trial: np.ndarray) -> float:
     return float(np.median(steps[without if without.any() else whole]))
 
 
-def _parts(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:
+def parts_of(time: np.ndarray, trial: np.ndarray) -> list[np.ndarray]:
     """
     Return the rows of each stretch that windows stay in: a trial, up to a pause of the log.
 
@@ -182,7 +180,7 @@ def sample_noise(value: np.ndarray, trial: np.ndarray) -> float:
     return spread(third, quantum) / np.sqrt(20.0)
 
 
-def _noise(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> float:
+def noise_of(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> float:
     """
     Return the noise of a signal, with the q / sqrt(12) of a reading in steps of q.
 
@@ -220,102 +218,6 @@ def _beyond_rounding(difference: np.ndarray, value: np.ndarray) -> np.ndarray:
     return np.abs(difference) > 1e-9 * max(float(np.ptp(value)), 1e-12)
 
 
-def _is_held(value: np.ndarray, noise: float) -> bool:
-    """
-    Return whether a signal is constant but for white noise: samples, and means of stretches.
-
-    Their scatter is within three standard deviations of what chi-squared allows.
-    """
-    count = len(value) // _SMOOTHED[-1]
-    if count < 2:
-        return False
-    means = value[:count * _SMOOTHED[-1]].reshape(count, -1).mean(axis=1)
-    # a noise from a median deviation is as uncertain as from a quarter of the rows
-    swings = np.var(value) > noise ** 2 * (1.0 + 3.0 * np.sqrt(8.0 / len(value)))
-    drifts = np.var(means, ddof=1) * _SMOOTHED[-1] > noise ** 2 * (
-        1.0 + 3.0 * np.sqrt(2.0 / (count - 1)))
-    return not (swings or drifts)
-
-
-class Smooth(NamedTuple):
-    """A signal with less noise, all (T,), and standard deviations of noise."""
-
-    value: np.ndarray
-    #: Of what is left in each sample, and shared with its neighbours.
-    left: np.ndarray
-    #: Of a sample as it was read.
-    noise: float
-
-
-def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Smooth:
-    """
-    Return a signal with less noise; bends, corners and steps are kept.
-
-    Each sample takes the widest local quadratic that stays within the noise of the narrower ones
-    (intersection of confidence intervals). Where the signal is held, in a trial or between two
-    steps, it becomes its mean.
-    Noise in strain and pressure would otherwise pass through the model and make lags, which
-    smooth, or a hysteresis, which holds, look like a gain.
-    """
-    noise = _noise(time, value, trial)
-    if noise <= 0.0:
-        return Smooth(value, np.zeros(len(value)), 0.0)
-    parts, corners = _parts(time, trial), None
-    for window in (_WINDOWS[-1], *_SMOOTHED[:0:-1]):  # corners by the widest that fits
-        fitted, _, corners = _with_corners(time, value, parts, window // 2, noise)
-        if not _misses(value, fitted, noise, window):
-            break
-    ends = np.zeros(len(value), bool)
-    ends[[rows[0] for rows in parts]] = True
-    ramp = np.zeros(len(value))
-    if corners is not None:
-        ramp, ends = corners.ramp, ends | (corners.bend != 0.0)
-    best, half = value - ramp, np.zeros(len(value), int)
-    spread, going = np.full(len(value), noise), np.ones(len(value), bool)
-    for window in _SMOOTHED:
-        fitted = _locally(time, value - ramp, parts, window // 2).value
-        fits = np.abs(fitted - best) <= 2.5 * spread
-        # a bend inside the window shows at its neighbours first
-        going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
-        best, half = np.where(going, fitted, best), np.where(going, window // 2, half)
-        spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
-    best, left = best + ramp, noise * _error_of_fit(half, ends)
-    # larger changes than any of the noise
-    step = np.sqrt(2.0) * noise * -ndtri(0.5 * FALSE_ALARM / len(value))
-    for part in parts:
-        for rows in np.split(part, np.flatnonzero(np.abs(np.diff(value[part])) > step) + 1):
-            if _is_held(value[rows], noise):
-                best[rows], left[rows] = value[rows].mean(), noise / np.sqrt(len(rows))
-    return Smooth(best, left, noise)
-
-
-def _error_of_fit(half: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """
-    Return the standard deviation of local quadratics over that of the samples, (T,).
-
-    The square root of the leverage of the sample, in even steps. ``ends`` (T,) are the rows with
-    which the samples begin that a quadratic can use: what is at a corner is known from one side.
-    """
-    rows = np.arange(len(half))
-    first = np.maximum.accumulate(np.where(ends, rows, 0))
-    last = np.minimum.accumulate(np.where(np.append(ends[1:], True), rows, rows[-1])[::-1])[::-1]
-    before, after = np.minimum(half, rows - first), np.minimum(half, last - rows)
-    count, s1, s2, s3, s4 = (_power_sum(after, k) + (-1) ** k * _power_sum(before, k)
-                             + (k == 0) for k in range(5))
-    determinant = count * (s2 * s4 - s3 ** 2) - s1 * (s1 * s4 - s2 * s3) + s2 * (s1 * s3 - s2 ** 2)
-    leverage = np.divide(s2 * s4 - s3 ** 2, determinant, out=np.ones(len(half)),
-                         where=determinant > 0.0)
-    return np.sqrt(np.minimum(leverage, 1.0))
-
-
-def _power_sum(n: np.ndarray, power: int) -> np.ndarray:
-    """Return 1 + 2^power + ... + n^power."""
-    n = n.astype(float)
-    return [n, n * (n + 1.0) / 2.0, n * (n + 1.0) * (2.0 * n + 1.0) / 6.0,
-            (n * (n + 1.0) / 2.0) ** 2,
-            n * (n + 1.0) * (2.0 * n + 1.0) * (3.0 * n ** 2 + 3.0 * n - 1.0) / 30.0][power]
-
-
 class Slope(NamedTuple):
     """A smoothed slope (T,) per s, the standard deviation of its noise, and its window in rows."""
 
@@ -330,14 +232,14 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
 
     Rows of one trial are neighbours; no window reaches across trials or long pauses.
     """
-    noise = _noise(time, value, trial)
-    parts, step = _parts(time, trial), usual_step(time, trial)
-    best = Slope(np.zeros(len(time)), 0.0, _WINDOWS[0])
-    for window in _WINDOWS:
-        fitted, rate, _ = _with_corners(time, value, parts, window // 2, noise)
+    noise = noise_of(time, value, trial)
+    parts, step = parts_of(time, trial), usual_step(time, trial)
+    best = Slope(np.zeros(len(time)), 0.0, WINDOWS[0])
+    for window in WINDOWS:
+        fitted, rate, _ = with_corners(time, value, parts, window // 2, noise)
         # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
         rate_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
-        if window > _WINDOWS[0] and _misses(value, fitted, noise, window):
+        if window > WINDOWS[0] and misses(value, fitted, noise, window):
             break
         best = Slope(rate, float(rate_noise), window)
         if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
@@ -345,7 +247,7 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     return best
 
 
-def _misses(value: np.ndarray, fitted: np.ndarray, noise: float, window: int) -> bool:
+def misses(value: np.ndarray, fitted: np.ndarray, noise: float, window: int) -> bool:
     """Return whether local quadratics of this window, in rows, miss more than the noise."""
     leverage = 1.0 - 2.25 / window
     missed = float(np.mean((value - fitted) ** 2))
@@ -353,7 +255,7 @@ def _misses(value: np.ndarray, fitted: np.ndarray, noise: float, window: int) ->
 
 
 def _corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
-             noise: float, local: _Local) -> _Corners | None:
+             noise: float, local: _Local) -> Corners | None:
     """
     Return the corners of a signal, as the tips of a triangle, or None where it has none.
 
@@ -383,11 +285,11 @@ def _corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half:
                       + np.cumsum(shift) - np.where(passed[rows], 0.0, shift))
     # half of the error of the change is on either side, within the window
     error = maximum_filter1d(np.where(corner, 0.5 * local.bend_sd * scatter, 0.0), 2 * half + 1)
-    return _Corners(ramp, before, bend, passed, error)
+    return Corners(ramp, before, bend, passed, error)
 
 
-def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
-                  noise: float) -> tuple[np.ndarray, np.ndarray, _Corners | None]:
+def with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
+                  noise: float) -> tuple[np.ndarray, np.ndarray, Corners | None]:
     """
     Return a signal and its slope, smoothed but for its corners, (T,), and the corners.
 
@@ -395,11 +297,11 @@ def _with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], 
     tip has no slope: which of both it has is not known well enough. Nor has a slope within the
     window of a corner that is not beyond the error of its change.
     """
-    local = _locally(time, value, parts, half)
+    local = locally(time, value, parts, half)
     found = _corners(time, value, parts, half, noise, local)
     if found is None:
         return local.value, local.slope, None
-    smooth = _locally(time, value - found.ramp, parts, half)
+    smooth = locally(time, value - found.ramp, parts, half)
     before = found.slope + smooth.slope
     turns = before * (before + found.bend) < 0.0
     rate = np.where(turns, 0.0, before + np.where(found.passed, found.bend, 0.0))

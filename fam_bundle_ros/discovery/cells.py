@@ -21,7 +21,8 @@ from scipy.sparse import csr_array
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.mean_noise import mean_noise, MeanNoise
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.data.rates import CRAWL, sample_noise, Smooth, smooth
+from fam_bundle_ros.data.rates import CRAWL, sample_noise
+from fam_bundle_ros.data.smoothing import Smooth, smooth
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.log_rows import (
     averages,

@@ -14,7 +14,8 @@ from fam_bundle_ros.data.bagfile import bag_table
 from fam_bundle_ros.data.checks import ranges
 from fam_bundle_ros.data.joined import join
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.data.rates import slope, smooth
+from fam_bundle_ros.data.rates import slope
+from fam_bundle_ros.data.smoothing import smooth
 from fam_bundle_ros.discovery import read_measurement, write_bag, write_csv
 from fam_bundle_ros.errors import InputError
 

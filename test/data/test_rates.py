@@ -8,20 +8,19 @@ import pytest
 
 from fam_bundle_ros.data import rates
 from fam_bundle_ros.data.rates import (
-    _is_held,
     _local,
-    _locally,
-    _parts,
     begins,
     direction,
+    locally,
+    parts_of,
     sample_noise,
     signal_step,
     slope,
-    smooth,
     spread,
     turning,
     usual_step,
 )
+from fam_bundle_ros.data.smoothing import _is_held, smooth
 
 
 @pytest.fixture
@@ -70,7 +69,7 @@ def test_blocks_of_rows_give_what_the_whole_gives(uneven, monkeypatch):
     parts = [np.arange(17), np.arange(17, 40)]
     whole = [_local(uneven[0][rows], uneven[1][rows], 3) for rows in parts]
     monkeypatch.setattr(rates, '_BLOCK', 5)
-    for found, first, second in zip(_locally(*uneven, parts, 3), *whole):
+    for found, first, second in zip(locally(*uneven, parts, 3), *whole):
         assert_allclose(found, np.concatenate([first, second]), rtol=1e-9)
 
 
@@ -99,7 +98,7 @@ def test_windows_end_at_trials_and_at_pauses_longer_than_the_widest(pause, count
     """That is 55 steps: of 0.1 s each, 5.5 s."""
     trial = np.repeat([0, 1], 200)
     time = 0.1 * np.arange(400) + pause * (np.arange(400) >= 300)
-    parts = _parts(time, trial)
+    parts = parts_of(time, trial)
     assert [rows[0] for rows in parts] == [0, 200, 300][:count]
     assert np.concatenate(parts).tolist() == list(range(400))
 
