@@ -205,9 +205,9 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
                        f'(by {np.sqrt(best.separation):.0f} noise sd)')
                 return Next(f'{best.words}: {why}', replace(best.protocol, notes=why))
     if finding.verdict in ('unexplained', 'partial'):
-        shape = _shape(shapes, 'the error')
-        return Next(f'measure where the error is largest again, in finer steps and at two speeds '
-                    f'({shape})', finer(fitter.cells, chosen.model))
+        shape = _shape(shapes, '')
+        return Next('measure where the error is largest again, in finer steps and at two speeds'
+                    + (f': it is {shape}' if shape else ''), finer(fitter.cells, chosen.model))
     if finding.verdict == 'recalibrate':
         moved, _ = max(zip(base.priors, base.u), key=lambda pair: abs(pair[1]))
         owner = moved.key.partition('.')[0]
