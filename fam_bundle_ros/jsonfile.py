@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fam_bundle_ros.atomic import write_whole
+from fam_bundle_ros.told import Told
 
 
 def plain(value: Any) -> Any:
@@ -48,3 +49,15 @@ def to_json(value: Any) -> str:
 def write_json(path: str | Path, value: Any) -> Path:
     """Write a result as JSON, atomically."""
     return write_whole(path, to_json(value))
+
+
+class Answer(Told):
+    """Base of results that can be written as JSON."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and text."""
+        raise NotImplementedError
+
+    def to_json(self) -> str:
+        """Return `to_dict` as strict JSON (numbers that are not finite become null)."""
+        return to_json(self.to_dict())

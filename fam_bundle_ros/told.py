@@ -5,8 +5,6 @@
 from html import escape
 from typing import Any
 
-from fam_bundle_ros.jsonfile import to_json
-
 
 class Told:
     """Base of results: `repr` is the first line of the text, a notebook shows all of it."""
@@ -16,18 +14,6 @@ class Told:
 
     def _repr_html_(self) -> str:
         return f'<pre>{escape(str(self))}</pre>'
-
-
-class Answer(Told):
-    """Base of results that can be written as JSON."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain numbers and text."""
-        raise NotImplementedError
-
-    def to_json(self) -> str:
-        """Return `to_dict` as strict JSON (numbers that are not finite become null)."""
-        return to_json(self.to_dict())
 
 
 def number(value: float, digits: int = 3, sign: bool = False) -> str:

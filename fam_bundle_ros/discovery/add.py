@@ -38,9 +38,9 @@ from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import remaining_discrepancy
 from fam_bundle_ros.discovery.words import renamed
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.jsonfile import Answer
 from fam_bundle_ros.model import Bundle, catalogue, Effect
 from fam_bundle_ros.processes import on_one_core
-from fam_bundle_ros.told import Answer
 
 #: What a table adds to the name of a model, by kind of `Recommended`.
 _NAMED = {'discrepancy': '_and_discrepancy', empirical_surface.NAME: '_corrected'}

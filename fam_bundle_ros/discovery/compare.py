@@ -42,8 +42,8 @@ from fam_bundle_ros.discovery.predict import (
     stiffness,
 )
 from fam_bundle_ros.discovery.reading import measurement_of
+from fam_bundle_ros.jsonfile import Answer
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.told import Answer
 
 #: Share of the highest pressure by which the pressure of a motor unit varies, beyond its noise.
 _VARIES = 0.05

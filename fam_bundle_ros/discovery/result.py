@@ -21,8 +21,9 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.locate import Region
 from fam_bundle_ros.discovery.posterior import LikelySet, Trade
 from fam_bundle_ros.discovery.templates import SHARE, Template
+from fam_bundle_ros.jsonfile import Answer
 from fam_bundle_ros.model import Bundle
-from fam_bundle_ros.told import Answer, Told
+from fam_bundle_ros.told import Told
 
 VERDICTS = ('adequate', 'recalibrate', 'missing_effect', 'partial', 'unexplained')
 #: Words for each kind of `Recommended`.
