@@ -6,7 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fam_bundle_ros.model import Bundle
+from fam_bundle_ros.model import Bundle, Place
+
+#: Numbers of strains up to the largest free strain, of pressures at which the pressure turns, and
+#: of pressures up to the limit (as in the controller's table), for `turns_back`.
+_STRAINS, _TURNS, _PRESSURES = 8, 16, 97
 
 
 class Belief(NamedTuple):
@@ -63,12 +67,45 @@ def invertible(bundle: Bundle) -> Bundle:
 
     A law that only delays the pressure lets hardly any change of it through in one tick; its delay
     is a lag of the controller, see `delay_of`. The inverse of a hysteresis in the pressure crosses
-    it to and fro with each change of sign of the noise: many times the air.
+    it to and fro with each change of sign of the noise: many times the air. So does that of dry
+    friction of the braid that the pressure reverses, if there is one: see `turns_back`.
     """
     for effect in bundle.effects:
         if effect.law.delay or effect.law.remembers_pressure:
             bundle = bundle.without_effect(effect.name)
+    rubbing = [effect.name for effect in bundle.effects if effect.law.remembers_path]
+    if rubbing and turns_back(bundle):
+        for name in rubbing:
+            bundle = bundle.without_effect(name)
     return bundle
+
+
+def turns_back(bundle: Bundle) -> bool:
+    """
+    Return whether a force somewhere falls as the pressure rises again after a fall.
+
+    At a constant length the pressure moves the braid where fittings yield or ends are tapered, and
+    dry friction that builds up changes its sign over some pressure. If it changes by more than the
+    muscle gains over that pressure, no inverse exists. At the bottom of a rising branch, where the
+    force rises less than half as steeply as on average, any friction does so.
+    """
+    if not any(part.place is Place.GEOMETRY and part.changes == 'strain'
+               and 'pressure' in part.arguments
+               for effect in bundle.effects for part in effect.law.parts):
+        return False
+    without = without_path_friction(bundle)
+    grid = np.linspace(0.0, 1.0, _PRESSURES)[:, None] * bundle.max_pressure
+    highest = float(np.max(bundle.free_strain(bundle.max_pressure)))
+    for strain in np.linspace(0.0, highest, _STRAINS, endpoint=False).tolist():
+        rise = np.diff(without.unit_forces(strain, grid), axis=0)
+        branch = rise > 0.5 * np.mean(rise, axis=0, where=rise > 0.0)
+        _, full = bundle.step(bundle.start_state(), 1.0, strain, grid[-1])
+        for turn in range(0, _PRESSURES - 1, _PRESSURES // _TURNS):
+            _, fallen = bundle.step(full, 1.0, strain, grid[turn])
+            force, _ = bundle.step(fallen, 1.0, strain, grid[turn:])
+            if (branch[turn:] & (np.diff(force, axis=0) < 0.0)).any():
+                return True
+    return False
 
 
 def without_path_friction(bundle: Bundle) -> Bundle:

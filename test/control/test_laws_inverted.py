@@ -68,6 +68,29 @@ def test_a_hysteresis_of_the_pressure_is_not_inverted(paper_bundle, name):
     assert log.setpoint[log.time > 1.0].std(axis=0).max() < 1e3
 
 
+@pytest.mark.parametrize(('force', 'compliance', 'inverted'), [
+    (3.0, 6e-6, True), (8.0, 6e-6, False), (8.0, 1e-6, True), (50.0, 0.0, True)])
+def test_friction_that_the_pressure_reverses_is_inverted_if_an_inverse_exists(
+        paper_bundle, force, compliance, inverted):
+    """If fittings yield, 8 N over 0.05 % change sign over fewer kPa than the muscle gains 16 N."""
+    model = paper_bundle.with_effect('series_compliance', compliance=compliance).with_effect(
+        'presliding_hysteresis', force=force, width=5e-4)
+    names = [effect.name for effect in invertible(model).effects]
+    assert ('presliding_hysteresis' in names) == inverted
+    assert 'series_compliance' in names
+
+
+def test_a_model_with_friction_that_the_pressure_reverses_uses_no_air_for_it(paper_bundle):
+    """As `diagnose` made of a record of the plant `measured`, which used four times the air."""
+    plant = paper_bundle.with_effect('series_compliance', compliance=6e-6)
+    model = plant.with_effect('presliding_hysteresis', force=8.0, width=5e-4)
+    task = Trajectory('ramp', 'force', 8.0, lambda t: 30.0 + 4.0 * max(t, 0.0),
+                      lambda t: 4.0 * (t > 0.0), Dynamometer(0.12), prepare=1.0)
+    with_it, without = (ClosedLoop(plant, model=each, seed=1).run(task) for each in (model, plant))
+    assert np.ptp(with_it.air) < 1.1 * np.ptp(without.air)
+    assert rms(with_it.error) < 1.1 * rms(without.error)
+
+
 def up_and_down(t):
     """Return a force that rises and falls by 5 N/s for 6 s each, and its rate."""
     t = max(t, 0.0)
