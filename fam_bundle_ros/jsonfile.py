@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Results as strict JSON."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 import json
@@ -51,12 +52,12 @@ def write_json(path: str | Path, value: Any) -> Path:
     return write_whole(path, to_json(value))
 
 
-class Answer(Told):
+class Answer(Told, ABC):
     """Base of results that can be written as JSON."""
 
+    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and text."""
-        raise NotImplementedError
 
     def to_json(self) -> str:
         """Return `to_dict` as strict JSON (numbers that are not finite become null)."""

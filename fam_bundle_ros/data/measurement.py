@@ -189,8 +189,8 @@ class Measurement(Told):
         return np.arange(len(self), dtype=float) if self.time is None else self.time
 
     @cached_property
-    def smooth(self) -> tuple[Smooth, ...]:
-        """Strain and pressures of a log without as much of their noise as possible."""
+    def signals(self) -> tuple[Smooth, ...]:
+        """Strain and pressures, those of a log without as much of their noise as possible."""
         columns = (self.strain, *self.pressure.T)
         if self.time is None:
             return tuple(Smooth(column, np.zeros(len(self)), 0.0) for column in columns)
@@ -198,8 +198,8 @@ class Measurement(Told):
 
     @property
     def smoothed(self) -> tuple[np.ndarray, np.ndarray]:
-        """Strain (T,) and pressure (T, n) of `smooth`; those of a map as they were read."""
-        strain, *pressures = (each.value for each in self.smooth)
+        """Strain (T,) and pressure (T, n) of `signals`."""
+        strain, *pressures = (each.value for each in self.signals)
         return strain, np.stack(pressures, -1)
 
     @property

@@ -256,12 +256,11 @@ def _signals(model: Bundle, data: Measurement, measured_strain: bool,
     Strain and pressures; the force and the pressures where the strain is the measured quantity, in
     whose error noise of the force must not be.
     """
-    first: tuple[np.ndarray | float, Smooth] = slope_in_strain(model, data), data.smooth[0]
+    first: tuple[np.ndarray | float, Smooth] = slope_in_strain(model, data), data.signals[0]
     if measured_strain:
-        first = 1.0, smooth(data.clock, data.force, data.trial)
-        if data.time is None:
-            first = 1.0, Smooth(data.force, np.zeros(len(data)), 0.0)
-    return [first, *zip(slopes_in_pressure(model, data), data.smooth[1:])]
+        first = 1.0, (Smooth(data.force, np.zeros(len(data)), 0.0) if data.time is None
+                      else smooth(data.time, data.force, data.trial))
+    return [first, *zip(slopes_in_pressure(model, data), data.signals[1:])]
 
 
 def _noise_of_signals(signals: list[tuple[np.ndarray | float, Smooth]], count: np.ndarray,
