@@ -244,7 +244,7 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
                     *worse)
     if found and structured and (odd := implausible_constants(physics)):
         refusals = (*refusals, f"{' and '.join(odd.values())}, and structure is left")
-    warnings = (*_warnings(physics, held), *_undetermined(held, cells),
+    warnings = (*_warnings(physics, held), *_undetermined(held, cells, physics),
                 *lookalikes(cells, physics, found)) if found else ()
     lost = {change: chosen.posterior - search.fit(
         change.undone(chosen.names), chosen.start, chosen.hyper).posterior for change in found}
@@ -381,9 +381,15 @@ def _warnings(physics: Fit, held: HeldOut) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _undetermined(held: HeldOut, cells: Cells) -> tuple[str, ...]:
-    """Return a warning for each kind of folds whose error beyond the noise is not negligible."""
-    limit = np.sqrt(negligible(cells) ** 2 + np.average(cells.variance, weights=cells.count))
+def _undetermined(held: HeldOut, cells: Cells, physics: Fit) -> tuple[str, ...]:
+    """
+    Return a warning for each kind of folds that is predicted worse than the fit explains.
+
+    What the effects leave in the fit too is no consequence of folds that were left out.
+    """
+    fitted = max(cells.mean_square(physics.residual),
+                 float(np.average(cells.variance, weights=cells.count)))
+    limit = np.sqrt(negligible(cells) ** 2 + fitted)
     return tuple(f'held-out {KINDS[kind]} are predicted with an error of {error:.3g} N: the data '
                  'do not determine the effects there'
                  for kind, (error, _) in held.kinds.items() if error > limit)

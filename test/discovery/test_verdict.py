@@ -44,7 +44,7 @@ def test_what_is_not_predicted_is_not_determined(make_sweeps, paper_muscle):
     cells = replace(cells, variance=np.zeros(len(cells)))
     limit = negligible(cells)
     held = replace(GOOD, kinds={'isobar': (0.9 * limit, 0.1), 'strain': (1.1 * limit, 0.1)})
-    words, = _undetermined(held, cells)
+    words, = _undetermined(held, cells, leaving(0.0, cells))
     assert words.startswith('held-out inner strain levels are predicted with an error of ')
 
 
@@ -54,8 +54,22 @@ def test_an_error_that_is_mostly_noise_was_predicted(make_sweeps, paper_muscle):
     noisy = replace(noisy, variance=100.0 / noisy.count)
     scatter = np.sqrt(np.average(noisy.variance, weights=noisy.count))
     for beyond, told in ((0.8, 0), (1.2, 1)):
-        error = np.hypot(scatter, beyond * negligible(noisy))
-        assert len(_undetermined(replace(GOOD, kinds={'isobar': (error, 0.1)}), noisy)) == told
+        held = replace(GOOD, kinds={'isobar': (np.hypot(scatter, beyond * negligible(noisy)), 0.1)})
+        assert len(_undetermined(held, noisy, leaving(0.0, noisy))) == told
+
+
+def test_an_error_that_the_fit_leaves_too_is_not_one_of_the_folds(make_sweeps, paper_muscle):
+    """Effects of a wrong shape have the same error on all data: more trials would not help."""
+    cells = reduce(paper_muscle, make_sweeps(cycles=1))
+    left = 5.0 * negligible(cells)
+    held = replace(GOOD, kinds={'trial': (1.01 * left, 0.1)})
+    assert _undetermined(held, cells, leaving(0.0, cells))
+    assert not _undetermined(held, cells, leaving(left, cells))
+
+
+def leaving(error, cells):
+    """Return a fit that leaves the same error in each cell, N."""
+    return SimpleNamespace(residual=np.full(len(cells), error))
 
 
 @pytest.fixture(scope='module')
