@@ -50,7 +50,6 @@ def join(recordings: Sequence[Measurement]) -> Measurement:
         trial_names=tuple(f'{each.name} {name}' for each in recordings
                           for name in each.trial_names),
         time=None if first.is_static else _one_clock(recordings),
-        rate_noise=max(each.rate_noise for each in recordings),
         dropped=dict(dropped), first_dropped={},
         notes=tuple(dict.fromkeys(f'{each.name}: {note}' for each in recordings
                                   for note in each.notes)))

@@ -101,8 +101,6 @@ class Measurement(Told):
         the next, `trials.spread_stamps`). None for a static map.
     strain_rate : ndarray, shape (T,), 1/s
         Smoothed slope of the strain, zero for a static map.
-    rate_noise : float, 1/s
-        Standard deviation of the noise left in ``strain_rate``.
     direction : ndarray of int, shape (T,)
         +1 shortening, -1 lengthening; where the strain rests, +1 filling, -1 venting (either
         would shorten or lengthen a free muscle); 0 at rest or unknown.
@@ -133,7 +131,6 @@ class Measurement(Told):
     recording: np.ndarray
     time: np.ndarray | None
     strain_rate: np.ndarray
-    rate_noise: float
     direction: np.ndarray
     direction_basis: np.ndarray
     trial_names: tuple[str, ...]
@@ -395,7 +392,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     still = np.zeros(len(force), int)
     measured = Measurement(
         name, strain, pressure, force, of_row, of_row, time=None, strain_rate=np.zeros(len(force)),
-        rate_noise=0.0, direction=still, direction_basis=still, trial_names=trials.names,
+        direction=still, direction_basis=still, trial_names=trials.names,
         motor_units=tuple(motor_units), notes=tuple(notes), dropped=dropped, first_dropped=lost)
     if time is None:
         return measured
@@ -413,7 +410,7 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     rate = named.get('strain_rate', rate)
     direction, basis = _directions(time, strain, pressure, of_row, rate, rate_noise)
     return replace(measured, recording=recordings_of(time, of_row), time=time, strain_rate=rate,
-                   rate_noise=rate_noise, direction=direction, direction_basis=basis,
+                   direction=direction, direction_basis=basis,
                    notes=tuple(notes))
 
 
@@ -443,7 +440,7 @@ def _complete(named: Mapping[str, np.ndarray], rows: np.ndarray, trial: np.ndarr
 
 
 def _directions(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray, trial: np.ndarray,
-                rate: np.ndarray, rate_noise: float) -> tuple[np.ndarray, np.ndarray]:
+                rate: np.ndarray, rate_noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return direction and what it was read from: the strain's rate, else the pressure's."""
     least = max(_REST_STRAIN, 2.0 * rates.signal_step(strain, trial))
     way = rates.direction(time, rate, rate_noise, trial, least)

@@ -5,7 +5,7 @@ Smoothed rate and direction of sampled strain and pressure.
 
 A local quadratic (Savitzky-Golay) per trial that also takes uneven time steps. The window is the
 widest that the data bear: it grows until the rate is clean enough or the fit starts to miss the
-strain's own bends.
+strain's own bends, in the whole log and at each sample.
 """
 
 from typing import NamedTuple
@@ -43,6 +43,9 @@ class _Local(NamedTuple):
     #: Of the quadratic, at the sample.
     value: np.ndarray
     slope: np.ndarray
+    #: Standard deviation of the slope where that of the samples is 1; larger where the window
+    #: is cut, at the ends up to eleven times.
+    slope_sd: np.ndarray
     #: By how much the slope changes, and its standard deviation where that of the samples
     #: is 1; 0 and infinite where the window is cut.
     bend: np.ndarray
@@ -63,13 +66,22 @@ class Corners(NamedTuple):
     #: Error of the slope by that of the changes within the window.
     error: np.ndarray
 
+    def given_back(self, smooth: np.ndarray) -> np.ndarray:
+        """Return the slope of the signal, (T,), by the smoothed slope of the rest without them."""
+        before = self.slope + smooth
+        turns = before * (before + self.bend) < 0.0
+        rate = np.where(turns, 0.0, before + np.where(self.passed, self.bend, 0.0))
+        return np.where(np.abs(rate) < 3.0 * self.error, 0.0, rate)
+
 
 def _local(time: np.ndarray, value: np.ndarray, half: int) -> _Local:
     """Fit ``2 half + 1`` neighbours of each sample; at the ends the window is cut short."""
     rows = len(time)
     none = np.zeros(rows), np.full(rows, np.inf), np.full(rows, np.inf)
     if rows < 3:
-        return _Local(value, np.gradient(value, time) if rows == 2 else np.zeros(rows), *none)
+        apart = np.ptp(time)
+        return _Local(value, np.gradient(value, time) if rows == 2 else np.zeros(rows),
+                      np.full(rows, np.sqrt(2.0) / apart if rows == 2 else 0.0), *none)
     here, t, y = (sliding_window_view(np.pad(column, half), 2 * half + 1)
                   for column in (np.ones(rows), time, value))
     scale = half * np.median(np.diff(time))
@@ -86,8 +98,10 @@ def _local(time: np.ndarray, value: np.ndarray, half: int) -> _Local:
     signal = np.stack([y.sum(1), total(t, y), total(square, y)], -1)
     ramp = np.stack([t[:, after].sum(1), square[:, after].sum(1),
                      total(t[:, after], square[:, after])], -1)
-    of_signal, of_ramp = np.moveaxis(np.linalg.solve(normal, np.stack([signal, ramp], -1)), -1, 0)
-    fitted = value + of_signal[:, 0], of_signal[:, 1] / scale
+    unit = np.broadcast_to([0.0, 1.0, 0.0], (rows, 3))
+    of_signal, of_ramp, of_unit = np.moveaxis(
+        np.linalg.solve(normal, np.stack([signal, ramp, unit], -1)), -1, 0)
+    fitted = value + of_signal[:, 0], of_signal[:, 1] / scale, np.sqrt(of_unit[:, 1]) / scale
     if rows <= 2 * half:
         return _Local(*fitted, *none)
     whole = slice(half, rows - half)
@@ -219,32 +233,53 @@ def _beyond_rounding(difference: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 class Slope(NamedTuple):
-    """A smoothed slope (T,) per s, the standard deviation of its noise, and its window in rows."""
+    """A smoothed slope per s, its noise's standard deviation, and its window in rows, all (T,)."""
 
     rate: np.ndarray
-    noise: float
-    window: int
+    noise: np.ndarray
+    window: np.ndarray
 
 
 def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     """
     Return the smoothed slope of a signal, all (T,).
 
-    Rows of one trial are neighbours; no window reaches across trials or long pauses.
+    Rows of one trial are neighbours; no window reaches across trials or long pauses. Each sample
+    has the widest window whose slope is within the noise of that of each narrower one, at
+    `FALSE_ALARM` (intersection of confidence intervals): where a motion sets in, the fit may miss
+    it and yet miss little in the whole log. The jumps of a reading in steps look like that too.
     """
-    noise = noise_of(time, value, trial)
-    parts, step = parts_of(time, trial), usual_step(time, trial)
-    best = Slope(np.zeros(len(time)), 0.0, WINDOWS[0])
+    noise, parts = noise_of(time, value, trial), parts_of(time, trial)
+    widest, best, corners = WINDOWS[0], _Local(*np.zeros((6, len(time)))), None
+    plain: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     for window in WINDOWS:
-        fitted, rate, _ = with_corners(time, value, parts, window // 2, noise)
-        # a quadratic through w points has the slope of a line: variance 12 s^2 / (w^3 dt^2)
-        rate_noise = noise / step * np.sqrt(12.0 / (window ** 3 - window))
-        if window > WINDOWS[0] and misses(value, fitted, noise, window):
+        local, found = with_corners(time, value, parts, window // 2, noise)
+        if window > WINDOWS[0] and misses(value, local.value, noise, window):
             break
-        best = Slope(rate, float(rate_noise), window)
-        if rate_noise < 0.005 * np.sqrt(np.mean(rate ** 2)):
+        widest, best, corners = window, local, found
+        if found is None:
+            plain[window] = local.slope, local.slope_sd
+        if noise * np.median(local.slope_sd) < 0.005 * np.sqrt(np.mean(local.slope ** 2)):
             break
-    return best
+    every = np.full(len(time), widest)
+    if signal_step(value, trial) > noise:
+        return Slope(best.slope, noise * best.slope_sd, every)
+    straight = value
+    if corners is not None:
+        straight, plain = value - corners.ramp, {}
+    beyond, going = -ndtri(0.5 * FALSE_ALARM / len(time)), np.ones(len(time), bool)
+    rate, error, width = np.zeros(len(time)), np.full(len(time), np.inf), every.copy()
+    for window in (*[each for each in WINDOWS[::2] if each < widest], widest):
+        if window not in plain:
+            local = locally(time, straight, parts, window // 2)
+            plain[window] = local.slope, local.slope_sd
+        here, sd = plain[window]
+        fits = np.abs(here - rate) <= beyond * error
+        # a bend inside the window shows at its neighbours first
+        going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
+        rate, error = np.where(going, here, rate), np.where(going, noise * sd, error)
+        width = np.where(going, window, width)
+    return Slope(rate if corners is None else corners.given_back(rate), error, width)
 
 
 def misses(value: np.ndarray, fitted: np.ndarray, noise: float, window: int) -> bool:
@@ -289,9 +324,9 @@ def _corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half:
 
 
 def with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], half: int,
-                  noise: float) -> tuple[np.ndarray, np.ndarray, Corners | None]:
+                 noise: float) -> tuple[_Local, Corners | None]:
     """
-    Return a signal and its slope, smoothed but for its corners, (T,), and the corners.
+    Return a signal and its slope, smoothed but for its corners, and the corners.
 
     Corners are taken from the signal before it is smoothed, and given back. The sample next to a
     tip has no slope: which of both it has is not known well enough. Nor has a slope within the
@@ -300,13 +335,10 @@ def with_corners(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], h
     local = locally(time, value, parts, half)
     found = _corners(time, value, parts, half, noise, local)
     if found is None:
-        return local.value, local.slope, None
+        return local, None
     smooth = locally(time, value - found.ramp, parts, half)
-    before = found.slope + smooth.slope
-    turns = before * (before + found.bend) < 0.0
-    rate = np.where(turns, 0.0, before + np.where(found.passed, found.bend, 0.0))
-    rate = np.where(np.abs(rate) < 3.0 * found.error, 0.0, rate)
-    return smooth.value + found.ramp, rate, found
+    return smooth._replace(value=smooth.value + found.ramp,
+                           slope=found.given_back(smooth.slope)), found
 
 
 def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
@@ -330,33 +362,37 @@ def signal_step(value: np.ndarray, trial: np.ndarray) -> float:
     return step if uneven and whole.mean() > 0.99 and np.ptp(value) > 16.0 * step else 0.0
 
 
-def direction(time: np.ndarray, rate: np.ndarray, rate_noise: float, trial: np.ndarray,
+def direction(time: np.ndarray, rate: np.ndarray, rate_noise: np.ndarray, trial: np.ndarray,
               least: float) -> np.ndarray:
     """
     Return +1 rising, -1 falling, 0 where the motion is not beyond its own noise, (T,) int.
 
     Crawling counts as rest: below 3 sd of the rate's noise, or 2 % of the usual fast motion. So
-    does a run of samples one way whose travel is less than ``least``, in the unit of the signal: a
-    signal that is constant but for rounding rests. ``rate`` (T,) is its smoothed slope.
+    does a run of samples one way that nowhere exceeds what noise reaches in such a log, at
+    `FALSE_ALARM`, or whose travel is less than ``least``, in the unit of the signal: a signal that
+    is constant but for noise or rounding rests. ``rate`` (T,) is its smoothed slope,
+    ``rate_noise`` (T,) the standard deviation of its noise.
     """
     fast = np.percentile(np.abs(rate), 90) if len(rate) else 0.0
-    threshold = max(3.0 * rate_noise, CRAWL * fast)
+    threshold = np.maximum(3.0 * rate_noise, CRAWL * fast)
     way = np.where(rate > threshold, 1, np.where(rate < -threshold, -1, 0))
     run = np.cumsum(begins(way, trial)) - 1
     duration = np.diff(time, append=time[-1:])
     duration[np.append(np.diff(trial) != 0, True)] = 0.0
     travel = np.bincount(run, np.abs(rate) * duration)
-    return np.where(travel[run] < least, 0, way)
+    highest = -ndtri(0.5 * FALSE_ALARM / max(len(rate), 1)) * rate_noise
+    moves = np.bincount(run, np.abs(rate) > highest) > 0.0
+    return np.where((travel >= least)[run] & moves[run], way, 0)
 
 
-def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
+def turning(moving: np.ndarray, trial: np.ndarray, window: np.ndarray) -> np.ndarray:
     """
     Return the rows, (T,) bool, in which it is not known whether, or which way, there is motion.
 
     At a short rest between opposite motions, or between a motion and the beginning or end
     of its trial; and within half a window of the beginning or end of a hold, a rest longer than
     the window of the slope, as that smooths the rate there. ``moving`` (T,) is +1, -1, and 0 where
-    the motion is not beyond its own noise; the window is in rows.
+    the motion is not beyond its own noise; the window (T,) is in rows.
     """
     begin = np.flatnonzero(begins(moving, trial))
     length = np.diff(begin, append=len(moving))
@@ -364,9 +400,9 @@ def turning(moving: np.ndarray, trial: np.ndarray, window: int) -> np.ndarray:
     # the motions before and after, 0 for none in the trial
     before = np.append(0, np.where(of[1:] == of[:-1], way[:-1], 0))
     after = np.append(np.where(of[1:] == of[:-1], way[1:], 0), 0)
-    rest, short = way == 0, length <= window
+    rest, short = way == 0, length <= window[begin]
     unknown = np.repeat(rest & short & (before != after), length)
     held = rest & ~short
     for row in begin[1:][(held[1:] != held[:-1]) & (of[1:] == of[:-1])]:
-        unknown[max(row - window // 2, 0):row + window // 2] = True
+        unknown[max(row - window[row] // 2, 0):row + window[row] // 2] = True
     return unknown

@@ -46,8 +46,8 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Smooth:
         return Smooth(value, np.zeros(len(value)), 0.0)
     parts, corners = parts_of(time, trial), None
     for window in (WINDOWS[-1], *_SMOOTHED[:0:-1]):  # corners by the widest that fits
-        fitted, _, corners = with_corners(time, value, parts, window // 2, noise)
-        if not misses(value, fitted, noise, window):
+        local, corners = with_corners(time, value, parts, window // 2, noise)
+        if not misses(value, local.value, noise, window):
             break
     ends = np.zeros(len(value), bool)
     ends[[rows[0] for rows in parts]] = True

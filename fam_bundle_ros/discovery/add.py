@@ -32,7 +32,7 @@ from fam_bundle_ros.discovery.leftover import Leftover
 from fam_bundle_ros.discovery.options import head, Names, Options, shapes_of, usual
 from fam_bundle_ros.discovery.predict import likelier_past, matched, predict, stiffness
 from fam_bundle_ros.discovery.reading import measurement_of
-from fam_bundle_ros.discovery.result import Recommended
+from fam_bundle_ros.discovery.result import Diagnosis, Recommended
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import remaining_discrepancy
@@ -141,19 +141,21 @@ class Added(Answer):
 
 
 @on_one_core
-def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], measurement: Any,
-               name: str | None = None, *, replacing: Mapping[str, str] | None = None,
-               removing: Sequence[str] = (), choices: Choices | None = None) -> Added:
+def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect] | Diagnosis,
+               measurement: Any, name: str | None = None, *,
+               replacing: Mapping[str, str] | None = None, removing: Sequence[str] = (),
+               choices: Choices | None = None) -> Added:
     """
     Return a model with effects added, replaced or removed, and all parameters refitted.
 
     Parameters
     ----------
     model : Bundle
-    effect : str, Effect, or several of them
+    effect : str, Effect, several of them, or Diagnosis
         Names in the catalogue, or effects (a user's own). An empty list only recalibrates. Of a
         name with several shapes another shape is added only if it is more probable than the named
-        one by more than the odds of a tie (`Choices.odds`); an `Effect` is added as it is.
+        one by more than the odds of a tie (`Choices.odds`); an `Effect` is added as it is. Of a
+        diagnosis its effects, replacements and removals.
     measurement : Measurement, path, or DataFrame
     name : str, optional
         Name of the new model; by default that of the old model and of the effects.
@@ -170,6 +172,10 @@ def add_effect(model: Bundle, effect: str | Effect | Sequence[str | Effect], mea
         it does not have, or bad data.
     """
     choices = choices or Choices()
+    if isinstance(effect, Diagnosis):
+        replacing = {**effect.replaced, **(replacing or {})}
+        removing = (*effect.removed, *removing)
+        effect = effect.shapes
     data = matched(model, measurement_of(model, measurement))
     listed = [effect] if isinstance(effect, (str, Effect)) else list(effect)
     replacing = dict(replacing or {})

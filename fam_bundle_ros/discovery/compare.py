@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -332,8 +333,8 @@ def _tables(data: Measurement, residual: np.ndarray, floor: NoiseFloor, past_fre
     index, edges = strain_bins(data.strain, 8)
     tables = {
         'pressure': table([(label, level == k) for k, label in enumerate(labels)]),
-        'strain': table([(f'{max(edges[k], 0):.3f} to {edges[k + 1]:.3f}', index == k)
-                         for k in range(len(edges) - 1)]),
+        'strain': table([(f'{low:.3f} to {high:.3f}', index == k)
+                         for k, (low, high) in enumerate(pairwise(edges.round(3) + 0.0))]),
         'region': table([('tensile', ~past_free), ('past free strain', past_free)]),
     }
     if not data.is_static:

@@ -119,7 +119,8 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     shapes = describe(cells, final)
     alike = {label for group in ties for label in group}.union(*(each.labels for each in trades))
     doubts = () if finding.verdict == 'unexplained' else not_named(posterior, chosen, alike)
-    further = next_experiment(fitter, posterior, finding, answer, chosen, ties, shapes, base)
+    further = next_experiment(fitter, posterior, finding, answer, chosen, ties, trades, shapes,
+                              base)
     return Diagnosis(
         verdict=finding.verdict, model=model, measurement=comparison.measurement,
         summary=summarise(finding, answer, found, ties, trades, base, shapes,

@@ -86,7 +86,7 @@ def unknown_direction(data: Measurement, *, may_stick: bool = False) -> np.ndarr
     if may_stick:
         unknown |= (moving == 0) & (data.direction != 0)
         for row in np.flatnonzero(begins(moving, data.trial) & ~data.start):
-            unknown[max(row - window // 2, 0):row + window // 2] = True
+            unknown[max(row - window[row] // 2, 0):row + window[row] // 2] = True
     return unknown
 
 

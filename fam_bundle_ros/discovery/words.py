@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -167,7 +167,7 @@ def _error_of_used(cells: Cells, model: Bundle) -> float:
 
 
 def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
-                    answer: Sequence[Change], chosen: Fit, ties: Ties,
+                    answer: Sequence[Change], chosen: Fit, ties: Ties, trades: Sequence[Trade],
                     shapes: Sequence[Template], base: Fit) -> Next:
     """
     Return the experiment that best separates the answer from its most probable rival.
@@ -188,21 +188,26 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     certain = False
     if answer:
         least_sure = min(answer, key=lambda change: posterior.of_label(change.label))
-        tie = ties[0] if ties else (least_sure.label, '')
-        rival = _rival(posterior, tie, chosen)
+        gone: Collection[str | Change] = (least_sure.label,)
+        came: Collection[str | Change] = ()
+        if ties:
+            gone, came = ties[0][:1], ties[0][1:2]
+        elif trades:
+            gone, came = trades[0]
+        rival = _rival(posterior, gone, came, chosen)
         probability, odds = posterior.of_label(least_sure.label), posterior.options.choices.odds
-        certain = not ties and probability > odds * (1.0 - probability)
+        certain = not came and probability > odds * (1.0 - probability)
         if rival is not None and not certain:
             own = _labels(posterior, chosen)
-            other = tie[1] or next((label for label in _labels(posterior, rival)
-                                    if label not in own), 'the model without it')
+            one, other = (' and '.join(sorted(map(str, changes))) for changes in (gone, came))
+            other = other or next((label for label in _labels(posterior, rival)
+                                   if label not in own), 'the model without it')
             best, _ = best_experiment(fitter, chosen, rival)
-            if best is None and ties:
-                return Next(f'no force test of the menu separates {tie[0]} from {other}; '
-                            + remedy_of(tie[0], other))
+            if best is None and came:
+                return Next(f'no force test of the menu separates {one} from {other}; '
+                            + remedy_of(one, other))
             if best is not None:
-                why = (f'separates {tie[0]} from {other} '
-                       f'(by {np.sqrt(best.separation):.0f} noise sd)')
+                why = f'separates {one} from {other} (by {np.sqrt(best.separation):.0f} noise sd)'
                 return Next(f'{best.words}: {why}', replace(best.protocol, notes=why))
     if finding.verdict in ('unexplained', 'partial'):
         shape = _shape(shapes, '')
@@ -231,11 +236,12 @@ def _labels(posterior: Posterior, fit: Fit) -> list[str]:
     return [change.label for change in posterior.options.changes(fit.names)]
 
 
-def _rival(posterior: Posterior, tie: tuple[str, ...], chosen: Fit) -> Fit | None:
-    """Return the most probable set without the first effect of a tie and with its rival."""
+def _rival(posterior: Posterior, gone: Collection[str | Change],
+           came: Collection[str | Change], chosen: Fit) -> Fit | None:
+    """Return the most probable set without ``gone`` and with ``came``, changes or their labels."""
     for fit in posterior.fits:
-        labels = _labels(posterior, fit)
-        if fit is not chosen and tie[0] not in labels and (not tie[1] or tie[1] in labels):
+        there = {*posterior.options.changes(fit.names), *_labels(posterior, fit)}
+        if fit is not chosen and there.isdisjoint(gone) and there.issuperset(came):
             return fit
     return None
 

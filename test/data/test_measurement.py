@@ -358,7 +358,7 @@ def test_a_fast_motion_is_read_from_few_rows():
     angle = 2.0 * np.pi * time / 0.08
     found = slope(time, np.sin(angle), np.zeros(800, int))
     true = 2.0 * np.pi / 0.08 * np.cos(angle)
-    assert found.window == 5
+    assert (found.window == 5).all()
     assert np.std(found.rate - true) < 0.4 * np.std(true)
 
 
@@ -433,7 +433,26 @@ def test_a_sine_has_no_corners(noise, period):
     found = slope(time, strain + noise * np.random.default_rng(3).standard_normal(8000),
                   np.zeros(8000, int))
     size = 0.12 * np.pi / period
-    assert np.abs(found.rate - size * np.cos(angle)).max() < max(12.0 * found.noise, 0.05 * size)
+    error = np.abs(found.rate - size * np.cos(angle))
+    assert (error < np.maximum(12.0 * found.noise, 0.05 * size)).all()
+
+
+def test_where_a_fast_motion_sets_in_its_rate_is_not_smoothed_across():
+    """
+    A step of strain in 0.4 s, smooth at both ends, in holds of 20 s, at 200 Hz with noise.
+
+    The fit over 0.28 s misses the onset, but little in the whole log.
+    """
+    time = 0.005 * np.arange(8000)
+    phase = np.clip((time % 20.0 - 10.0) / 0.4, 0.0, 1.0)
+    strain = 0.04 + 0.1 * (3.0 - 2.0 * phase) * phase ** 2
+    true = np.gradient(strain, time)
+    found = slope(time, strain + 1e-4 * np.random.default_rng(3).standard_normal(8000),
+                  (time // 20.0).astype(int))
+    onset = np.abs(time % 20.0 - 10.0) < 0.02
+    assert np.abs(found.rate - true)[onset].max() < 0.02
+    assert np.median(found.window) == 55
+    assert found.window[onset].max() < 55
 
 
 def test_corners_of_a_long_log_are_those_of_its_pieces():
@@ -443,7 +462,7 @@ def test_corners_of_a_long_log_are_those_of_its_pieces():
     whole = slope(time, strain, np.zeros(len(time), int))
     around = slice(19_000, 21_000)
     piece = slope(time[around], strain[around], np.zeros(2000, int))
-    assert whole.window == piece.window
+    assert np.mean(whole.window[19_100:20_900] == piece.window[100:-100]) > 0.98
     np.testing.assert_allclose(whole.rate[19_100:20_900], piece.rate[100:-100], atol=1e-6)
 
 
@@ -452,7 +471,7 @@ def test_trials_of_one_row_do_not_move():
     """Points that were set one by one have no speed, and no noise of it."""
     found = slope(np.arange(6.0), np.arange(6.0), np.arange(6))
     assert not found.rate.any()
-    assert found.noise == 0.0
+    assert not found.noise.any()
 
 
 def test_measurements_and_protocols_cannot_be_changed(not_frozen):

@@ -305,11 +305,15 @@ def test_a_wrong_bladder_is_replaced(sweeps, paper_muscle):
     """The model's wall is Mooney-Rivlin, the muscle's another: swapping it is the answer."""
     bare = paper_muscle.without_effect('bladder_elasticity')
     truth = bare.with_effect('bladder_polynomial', k1=700.0, k2=-2500.0, k3=8000.0)
-    result = diagnose(paper_muscle, sweeps(truth), choices=ALONE)
+    data = sweeps(truth)
+    result = diagnose(paper_muscle, data, choices=ALONE)
     assert result.replaced == {'bladder_elasticity': 'bladder_polynomial'}
     assert result.effects == ()
     assert 'in place of bladder_elasticity' in result.summary
     assert result.error_N['best'] < 0.66
+    added = add_effect(paper_muscle, result, data)
+    assert (added.effects, added.replaced) == ((), result.replaced)
+    assert added.error_N == pytest.approx(result.error_N['best'], rel=0.01)
     own = {effect.name for effect in paper_muscle.effects}
     for each in result.ranking:  # what the model has may go, what it has not may come
         assert each.removes == (each.shape in own), each.label

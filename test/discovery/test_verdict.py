@@ -54,7 +54,8 @@ def test_an_error_that_is_mostly_noise_was_predicted(make_sweeps, paper_muscle):
     noisy = replace(noisy, variance=100.0 / noisy.count)
     scatter = np.sqrt(np.average(noisy.variance, weights=noisy.count))
     for beyond, told in ((0.8, 0), (1.2, 1)):
-        held = replace(GOOD, kinds={'isobar': (np.hypot(scatter, beyond * negligible(noisy)), 0.1)})
+        error = np.hypot(scatter, beyond * negligible(noisy))
+        held = replace(GOOD, kinds={'isobar': (error, 0.1)})
         assert len(_undetermined(held, noisy, leaving(0.0, noisy))) == told
 
 

@@ -13,6 +13,7 @@ from fam_bundle_ros.data.protocol import Protocol, Sweep
 from fam_bundle_ros.discovery import words
 from fam_bundle_ros.discovery.experiment import Experiment
 from fam_bundle_ros.discovery.options import Change
+from fam_bundle_ros.discovery.posterior import Trade
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.verdict import Finding, Left
 from fam_bundle_ros.discovery.words import (
@@ -71,7 +72,7 @@ def test_what_is_left_without_a_shape_is_not_called_noise(rough, noise, told):
 def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatch):
     """Not about one that all likely sets have."""
     asked, without = [], SimpleNamespace(names=('coulomb_friction',))
-    monkeypatch.setattr(words, '_rival', lambda posterior, tie, chosen: asked.append(tie[0])
+    monkeypatch.setattr(words, '_rival', lambda posterior, gone, came, chosen: asked.append(gone)
                         or without)
     monkeypatch.setattr(words, '_labels', lambda posterior, fit: ['coulomb_friction'])
     monkeypatch.setattr(words, 'best_experiment', lambda *fits: (None, []))
@@ -80,8 +81,8 @@ def test_the_next_experiment_asks_about_the_effect_that_is_least_sure(monkeypatc
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
     words.next_experiment(fitter, posterior, Finding('missing_effect', Left(0.0, 0.2)),
                           [Change('', 'end_caps'), Change('', 'coulomb_friction')], None, (), (),
-                          BASE)
-    assert asked == ['end_caps']
+                          (), BASE)
+    assert asked == [('end_caps',)]
 
 
 @pytest.mark.parametrize(('labels', 'other'), [
@@ -97,8 +98,25 @@ def test_an_experiment_is_told_by_what_the_answer_has_not(monkeypatch, labels, o
     posterior = SimpleNamespace(fits=(chosen, rival), of_label=lambda label: 0.9, options=TIED)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
     told = next_experiment(fitter, posterior, Finding('missing_effect', Left(0.0, 0.2)),
-                           [Change('', 'pressure_line_lag')], chosen, (), (), BASE)
+                           [Change('', 'pressure_line_lag')], chosen, (), (), (), BASE)
     assert told.words == f'sweep: separates pressure_line_lag from {other} (by 20 noise sd)'
+
+
+@pytest.mark.parametrize('found', [True, False])
+def test_what_several_other_effects_may_replace_is_to_be_settled(monkeypatch, found):
+    """However sure the named effect is: `summarise` says that the data cannot tell them apart."""
+    chosen, rival = (SimpleNamespace(names=names) for names in (
+        ['coulomb_friction'], ['relaxation_prony', 'temperature']))
+    sweep = Experiment(Protocol('sweep', 1, (Sweep((0.05, 0.15), 0.1, ((100e3,),)),)), 400.0)
+    monkeypatch.setattr(words, 'best_experiment', lambda *fits: (sweep if found else None, []))
+    posterior = SimpleNamespace(fits=(chosen, rival), of_label=lambda label: 0.99, options=TIED)
+    fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=False)))
+    trade = Trade(frozenset([DRY]), frozenset(Change('', name) for name in rival.names))
+    told = next_experiment(fitter, posterior, Finding('missing_effect', Left(0.0, 0.2)), [DRY],
+                           chosen, (), (trade,), (), BASE)
+    both = 'separates coulomb_friction from relaxation_prony and temperature'
+    assert told.words.startswith(f'sweep: {both} (by' if found else
+                                 f'no force test of the menu {both};')
 
 
 @pytest.mark.parametrize(('verdict', 'is_static', 'told'), [
@@ -111,14 +129,14 @@ def test_no_experiment_is_asked_for_to_name_what_is_certain(monkeypatch, verdict
     def separate(*fits):
         raise AssertionError('an experiment was sought')
     monkeypatch.setattr(words, 'best_experiment', separate)
-    monkeypatch.setattr(words, '_rival', lambda posterior, tie, chosen: object())
+    monkeypatch.setattr(words, '_rival', lambda posterior, gone, came, chosen: object())
     for design in ('finer', 'plain'):
         monkeypatch.setattr(words, design, lambda cells, model: SimpleNamespace(
             name='sweep in steps'))
     posterior = SimpleNamespace(of_label=lambda label: 0.96, options=TIED)
     fitter = SimpleNamespace(cells=SimpleNamespace(data=SimpleNamespace(is_static=is_static)))
     asked = next_experiment(fitter, posterior, Finding(verdict, Left(0.0, 0.2)), [DRY],
-                            SimpleNamespace(model=None), (), (), BASE)
+                            SimpleNamespace(model=None), (), (), (), BASE)
     assert asked.words.startswith(told)
     assert asked.protocol.name == 'sweep in steps'
 
@@ -147,7 +165,8 @@ def test_what_is_down_to_the_noise_in_some_rows_only_says_so():
 
 DRY, CAPS = Change('', 'coulomb_friction'), Change('', 'end_caps')
 #: Odds of a tie.
-TIED = SimpleNamespace(choices=Choices(odds=20.0))
+TIED = SimpleNamespace(choices=Choices(odds=20.0),
+                       changes=lambda names: [Change('', name) for name in names])
 BASE = SimpleNamespace(u=np.array([0.1, -1.24, 4.0]), priors=[
     SimpleNamespace(key=key) for key in ('geometry.length', 'geometry.radius', 'mesh.factor')])
 
@@ -206,7 +225,7 @@ def test_what_nothing_explains_is_told_by_its_shape_and_what_came_near():
     artefact = SimpleNamespace(words='trial 3 is off', remedy='tare before each trial')
     assert said('unexplained', artefacts=(artefact, artefact)) == 'trial 3 is off; trial 3 is off'
     told = next_experiment(None, None, Finding('unexplained', Left(1, 1),
-                                               artefacts=(artefact,)), (), None, (), (), BASE)
+                                               artefacts=(artefact,)), (), None, (), (), (), BASE)
     assert told == ('tare before each trial', None)
 
 
@@ -237,7 +256,7 @@ def test_where_nothing_is_missing_the_next_step_is_plain(verdict, rubber, words)
     base = SimpleNamespace(u=np.array([-1.2, rubber]), priors=[
         SimpleNamespace(key=key) for key in ('geometry.radius', 'bladder_elasticity.c10')])
     told = next_experiment(fitter, None, Finding(verdict, Left(0, 0)), (), None,
-                           (), (), base)
+                           (), (), (), base)
     assert told.words.startswith(words)
     assert told.protocol is None
 
@@ -312,12 +331,14 @@ def test_pressures_above_the_models_limit_are_told_of(paper_muscle):
         'mu1: pressures up to 300 kPa are above the max_pressure of the model, 250 kPa',)
 
 
-def test_a_rival_is_the_likeliest_set_without_the_effect(monkeypatch):
+def test_a_rival_is_the_likeliest_set_without_the_effect():
     """With the other of a tie where there is one; the chosen set is none."""
-    sets = {'a': ['coulomb_friction'], 'b': ['end_caps'], 'c': ['tendon_slack'], 'd': []}
-    monkeypatch.setattr(words, '_labels', lambda posterior, fit: sets[fit])
-    posterior = SimpleNamespace(fits=list(sets))
-    assert words._rival(posterior, ('coulomb_friction', ''), 'a') == 'b'
-    assert words._rival(posterior, ('coulomb_friction', 'tendon_slack'), 'a') == 'c'
-    assert words._rival(posterior, ('end_caps', ''), 'a') == 'c'
-    assert words._rival(posterior, ('coulomb_friction', 'temperature'), 'a') is None
+    chosen, *others = fits = [SimpleNamespace(names=names) for names in (
+        ['viscoelastic_relaxation'], ['end_caps'], ['relaxation_prony'], [])]
+    posterior = SimpleNamespace(fits=fits, options=TIED)
+    assert words._rival(posterior, ('viscoelastic_relaxation',), (), chosen) is others[0]
+    assert words._rival(posterior, ('end_caps',), (), chosen) is others[1]
+    # the label of both shapes is the same, the changes are not
+    shapes = [(Change('', name),) for name in ('viscoelastic_relaxation', 'relaxation_prony')]
+    assert words._rival(posterior, *shapes, chosen) is others[1]
+    assert words._rival(posterior, ('end_caps',), ('temperature',), chosen) is None

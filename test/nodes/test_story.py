@@ -44,7 +44,7 @@ def test_a_hidden_effect_is_found_added_and_controlled_against(tmp_path, domain_
     assert found.verdict == 'missing_effect'
     assert found.effects == ('coulomb_friction',)
 
-    better = add_effect(load_model(believed), found.shapes, measured)
+    better = add_effect(load_model(believed), found, measured)
     save_model(better.model, tmp_path / 'better.yaml')
     after = run_trajectory(tmp_path / 'better.yaml', PLAN, plant_model=hidden, domain=domain_id,
                            log_level='warn')
