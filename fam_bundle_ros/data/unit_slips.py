@@ -4,12 +4,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import permutations
+from itertools import product
 
 import numpy as np
 
 from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.data.measurement import Measurement
+from fam_bundle_ros.data.unit_names import unit_of
 from fam_bundle_ros.told import number
 from fam_bundle_ros.units import FASTEST, si_factor
 
@@ -19,10 +20,8 @@ _FORCES = (
     (-1.0, _TURNED),
     (4.448222, 'with a force in lbf, not in N'), (1.0 / 4.448222, 'with a force in N, not in lbf'),
     (9.80665, 'with a force in kgf, not in N'), (1.0 / 9.80665, 'with a force in N, not in kgf'))
-#: Pressure as it may have been meant: (factor, words).
-_PRESSURES = tuple((si_factor(meant, 'Pa') / si_factor(read, 'Pa'),
-                    f'with pressures in {meant}, not in {read}')
-                   for meant, read in permutations(('kPa', 'psi', 'bar'), 2))
+#: Units that pressures may have been meant in, and read in where no file says which.
+_PRESSURES = 'kPa', 'psi', 'bar'
 #: Pa: where the lowest pressure is above this the gauge may show absolute pressure.
 _NEVER_VENTED = 85e3
 #: Pa: taken off absolute pressures.
@@ -50,9 +49,13 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
                       'with pressures that are absolute, not gauge'))
     now = rms(residual)
     if now > _GOOD * rms(data.force):  # these make a large error
-        for factor, words in _PRESSURES:
-            meant = predict(replace(data, pressure=factor * data.pressure))
-            tries.append((rms(data.force - meant), rms(data.force), words))
+        told = {taken.unit for taken in data.taken if taken.quantity.startswith('pressure')}
+        for read, meant in product(sorted(told) or _PRESSURES, _PRESSURES):
+            if (unit := unit_of(read, 'Pa')) is None:
+                continue
+            meant_so = replace(data, pressure=si_factor(meant, 'Pa') / unit.factor * data.pressure)
+            tries.append((rms(data.force - predict(meant_so)), rms(data.force),
+                          f'with pressures in {meant}, not in {read}'))
         back = replace(data, strain=data.strain.max() + data.strain.min() - data.strain)
         tries.append((rms(data.force - predict(back)), rms(data.force),
                       'with the strain turned round (positive when shorter)'))

@@ -321,7 +321,8 @@ def load_model(path: str | Path, allow_python: bool = False) -> Bundle:
             raise InputError(f'{path}: is larger than 1 MB; this is not a model file')
         text = path.read_text(encoding='utf-8')
     except (OSError, UnicodeDecodeError) as error:
-        reason = 'it is not text' if isinstance(error, UnicodeDecodeError) else error.strerror
+        reason = ('it is not UTF-8 text; expected a model file in YAML'
+                  if isinstance(error, UnicodeDecodeError) else error.strerror)
         raise InputError(f'{path}: cannot be read ({reason})') from error
     return loads_model(text, str(path), path.parent, allow_python)
 

@@ -35,6 +35,7 @@ from fam_bundle_ros.nodes.models import bundle_from
 from fam_bundle_ros.nodes.parameters import Spec, table
 from fam_bundle_ros.nodes.process import run
 from fam_bundle_ros.resources import config_path
+from fam_bundle_ros.told import counted
 
 SPECS = (
     MODEL,
@@ -95,7 +96,11 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
         if bringup.p['generate']:
             nodes.append(reference_generator.ReferenceGenerator(**common, **(generator or {})))
         if bringup.p['simulate']:
-            nodes.append(plant_simulator.PlantSimulator(**common, **(simulator or {})))
+            plant = plant_simulator.PlantSimulator(**common, **(simulator or {}))
+            nodes.append(plant)
+            if plant.units != bringup.units:
+                raise InputError(f'plant_model has {counted(plant.units, "motor unit")}, the model '
+                                 f'of the controller {bringup.units}; expected as many')
         refuse_unknown(nodes)
         refuse_unheard(nodes, files)
     except Exception:

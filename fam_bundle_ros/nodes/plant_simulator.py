@@ -397,7 +397,9 @@ class PlantSimulator(BundleNode):
         behind = max(self._behind, 0) * 1e-9
         report.value('behind the clock, s', behind)
         if behind > _SLOW:
-            report.add(WARN, f'{behind:.1f} s behind the clock: the machine is or was too slow')
+            slow = f'{behind:.1f} s behind the clock: the machine is or was too slow'
+            report.add(WARN, slow)
+            self.say('slow', slow, 60.0)
         report.value('commands refused', self._refused)
         if self.rig.e_stopped:
             report.add(ERROR, f'stopped: {self.rig.e_stopped}')

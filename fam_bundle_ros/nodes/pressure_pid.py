@@ -76,8 +76,7 @@ class PressurePidNode(BundleNode):
         self.unit: int = p['motor_unit']
         bundle = bundle_from(p['model'])
         if self.unit > bundle.n:
-            raise InputError(f'{self.get_name()}: motor_unit is {self.unit}; {bundle.name} has '
-                             f'{bundle.n}')
+            raise InputError(f'motor_unit is {self.unit}; {bundle.name} has {bundle.n}')
         self._length = bundle.length
         self._max_pressure = float(bundle.max_pressure[self.unit - 1])
         self._gaps, self._longest_gap = LongestGap(_GAPS), 0.0

@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.data.measurement import build, Taken
 from fam_bundle_ros.data.unit_slips import slips
 from fam_bundle_ros.units import si_factor
 
@@ -48,6 +48,13 @@ def test_a_pressure_in_another_unit_is_told(told, unit, taken):
     assert float(words.partition('off by ')[2].split()[0]) == pytest.approx(0.6, rel=0.1)
     words, = told(pressure=factor, force=lambda force: force + 20.0)
     assert words.startswith(begin)
+
+
+@pytest.mark.parametrize(('named', 'told_of'), [('kPa', True), ('bar', False), ('PSI', False)])
+def test_a_unit_that_the_file_does_not_name_was_not_confused(told, named, told_of):
+    """Numbers in psi under [kPa] are a slip; under [bar] the error is the model's."""
+    column = Taken('p', 'pressure', named)
+    assert bool(told(pressure=1.0 / 6.894757, taken=lambda _: (column,))) == told_of
 
 
 def test_a_sign_and_an_absolute_pressure_are_told(told):

@@ -15,6 +15,7 @@ from rclpy.context import Context
 from sensor_msgs.msg import FluidPressure, JointState
 
 from fam_bundle_ros.errors import InputError
+from fam_bundle_ros.model import Bundle, load_model, save_model
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.bundle_bringup import make_nodes
@@ -216,6 +217,16 @@ def test_a_parameter_file_for_other_nodes_does_not_run_a_rig_on_defaults(
                 make_nodes(context, files=[str(path)])
     finally:
         context.try_shutdown()
+
+
+def test_a_plant_with_other_motor_units_than_the_model_is_refused(tmp_path, ros_context):
+    """Else the pressure loop of a unit that the plant lacks waits for ever, and all with it."""
+    both = load_model('spie2021')
+    path = tmp_path / 'one.yaml'
+    save_model(Bundle('one', both.motor_units[:1], both.effects), path)
+    with pytest.raises(InputError, match='plant_model has 1 motor unit, the model of the '
+                                         'controller 2; expected as many'):
+        make_nodes(ros_context, overrides={'plant_model': str(path)})
 
 
 def test_bad_parameter_file_is_one_line_and_status_2(domain_id, tmp_path, start):
