@@ -94,6 +94,9 @@ class Cells:
         The part of `force` that is noise of the strain, see `predict.strain_noise`.
     rows : int
         Number of rows of the measurement, before neighbours were averaged.
+    predicted_strain : ndarray, shape (n,), or None
+        Strain that the model as given predicts, if there is a ``stiffness``, within the range of
+        the measured one.
     """
 
     data: Measurement
@@ -116,9 +119,20 @@ class Cells:
     one_force: bool = False
     strain_noise: np.ndarray | float = 0.0
     rows: int = 0
+    predicted_strain: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.count)
+
+    @property
+    def place(self) -> np.ndarray:
+        """
+        Strain as the coordinate of a discrepancy, (n,).
+
+        The predicted one where the strain is the measured quantity: its noise is the error of the
+        force there, and would be a smooth function of a strain that contains it.
+        """
+        return self.strain if self.predicted_strain is None else self.predicted_strain
 
     @property
     def force_sd(self) -> float:
@@ -245,7 +259,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  max(float(np.sqrt(found.sd ** 2 + np.average(moving, weights=count))), least),
                  np.maximum(found.variance(count), least ** 2 / count) + of_means, strain_range,
                  pressure_range, None if stiff is None else mean(stiff), one_force,
-                 mean(unsmoothed), len(measurement))
+                 mean(unsmoothed), len(measurement), None if stiff is None else mean(np.clip(
+                     data.strain - residual / stiff, data.strain.min(), data.strain.max())))
 
 
 def _signals(model: Bundle, data: Measurement, measured_strain: bool,

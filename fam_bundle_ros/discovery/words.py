@@ -212,7 +212,8 @@ def next_experiment(fitter: Fitter, posterior: Posterior, finding: Finding,
     if finding.verdict in ('unexplained', 'partial'):
         shape = _shape(shapes, '')
         return Next('measure where the error is largest again, in finer steps and at two speeds'
-                    + (f'; it looks like this: {shape}' if shape else ''), finer(fitter.cells, chosen.model))
+                    + (f'; it looks like this: {shape}' if shape else ''),
+                    finer(fitter.cells, chosen.model))
     if finding.verdict == 'recalibrate':
         moved, _ = max(zip(base.priors, base.u), key=lambda pair: abs(pair[1]))
         owner = moved.key.partition('.')[0]

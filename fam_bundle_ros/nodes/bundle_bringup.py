@@ -99,8 +99,8 @@ def make_nodes(context: Context, namespace: str = interface.NAMESPACE, *,
             plant = plant_simulator.PlantSimulator(**common, **(simulator or {}))
             nodes.append(plant)
             if plant.units != bringup.units:
-                raise InputError(f'plant_model has {counted(plant.units, "motor unit")}, the model '
-                                 f'of the controller {bringup.units}; expected as many')
+                raise InputError(f'plant_model has {counted(plant.units, "motor unit")}, the '
+                                 f'model of the controller {bringup.units}; expected as many')
         refuse_unknown(nodes)
         refuse_unheard(nodes, files)
     except Exception:

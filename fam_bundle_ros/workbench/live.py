@@ -50,7 +50,7 @@ async def record() -> Measurement:
     with tempfile.TemporaryDirectory(prefix='fam_bundle_live_') as folder:
         bag = Path(folder) / 'bag'
         process = await asyncio.create_subprocess_exec(
-            sys.executable, '-m', 'fam_bundle_ros.cli', 'record', str(bag), '--seconds',
+            sys.executable, '-m', 'fam_bundle_ros', 'record', str(bag), '--seconds',
             f'{SECONDS:g}', '--namespace', NAMESPACE, stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE)
         try:

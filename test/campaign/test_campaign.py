@@ -106,7 +106,7 @@ def test_a_campaign_that_was_killed_goes_on_where_it_was(alone, campaign, lab, t
     """SIGKILL in the middle: what was done stays as it is, and the tables are the same."""
     out = tmp_path / 'out'
     command = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'campaign', str(lab), '--model',
+        [sys.executable, '-m', 'fam_bundle_ros', 'campaign', str(lab), '--model',
          str(lab / 'model.yaml'), '--recipe', str(lab / 'recipe.yaml'), '--specimens',
          str(three['specimens']), '--pattern', three['pattern'], '--out', str(out),
          '--workers', '1'],

@@ -145,7 +145,7 @@ def test_the_installed_command_reports_its_status(repository, tmp_path):
 
     def run(*arguments):
         return subprocess.run(
-            [sys.executable, '-m', 'fam_bundle_ros.cli', *arguments], cwd=tmp_path,
+            [sys.executable, '-m', 'fam_bundle_ros', *arguments], cwd=tmp_path,
             capture_output=True, text=True, timeout=120, check=False, env={
                 **os.environ,
                 'PYTHONPATH': os.pathsep.join([str(tmp_path / 'hidden'), str(repository)])})
@@ -164,7 +164,7 @@ def test_a_reader_that_leaves_early_costs_no_file(repository, tmp_path):
     read, write = os.pipe()
     os.close(read)
     found = subprocess.run(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'map', '--json', 'map.json'], cwd=tmp_path,
+        [sys.executable, '-m', 'fam_bundle_ros', 'map', '--json', 'map.json'], cwd=tmp_path,
         stdout=write, stderr=subprocess.PIPE, text=True, timeout=120, check=False,
         env={**os.environ, 'PYTHONPATH': str(repository)})
     os.close(write)

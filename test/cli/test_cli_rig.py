@@ -33,7 +33,7 @@ def running_bundle(repository, domain_id, tmp_path_factory):
     folder = tmp_path_factory.mktemp('run')
     (folder / 'lift.yaml').write_text(LIFT)
     process = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'run', '--model', 'spie2021',
+        [sys.executable, '-m', 'fam_bundle_ros', 'run', '--model', 'spie2021',
          '--trajectory', 'lift.yaml'],
         cwd=folder, stderr=subprocess.PIPE, text=True,
         env={**os.environ, 'PYTHONPATH': str(repository), 'ROS_DOMAIN_ID': str(domain_id)})
@@ -171,7 +171,7 @@ def test_demo_tells_the_whole_story(fam_bundle, domain_id, tmp_path, monkeypatch
 def test_ctrl_c_leaves_nothing_half_done(repository, domain_id, tmp_path):
     """Ctrl-C in the middle of `demo` vents, says so in one line, and leaves no half report."""
     process = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'demo'], cwd=tmp_path, text=True,
+        [sys.executable, '-m', 'fam_bundle_ros', 'demo'], cwd=tmp_path, text=True,
         stderr=subprocess.PIPE, stdout=subprocess.PIPE,
         env={**os.environ, 'PYTHONPATH': str(repository), 'ROS_DOMAIN_ID': str(domain_id)})
     for _ in range(600):

@@ -43,7 +43,7 @@ def recording_of(graph, quiet, folder, **options):
     graph.add(PlantSimulator(context=graph.context, overrides={
         **quiet, 'rate': 100.0, 'faults.drift': 'mu1/pressure=1e4'}))
     graph.spin()
-    return subprocess.Popen([sys.executable, '-m', 'fam_bundle_ros.cli', 'record', str(folder)],
+    return subprocess.Popen([sys.executable, '-m', 'fam_bundle_ros', 'record', str(folder)],
                             stderr=subprocess.PIPE, text=True, **options)
 
 

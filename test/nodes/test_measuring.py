@@ -51,7 +51,7 @@ def test_a_killed_experiment_goes_on_where_it_was(repository, domain_id, tmp_pat
                                                   monkeypatch):
     """SIGKILL after the first isobar: it stays as it was, the others follow, the model fits."""
     save_protocol(SHORT, tmp_path / 'short.yaml')
-    command = [sys.executable, '-m', 'fam_bundle_ros.cli', 'measure', 'short.yaml', '--out',
+    command = [sys.executable, '-m', 'fam_bundle_ros', 'measure', 'short.yaml', '--out',
                'log.csv']
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True,
                                stderr=subprocess.PIPE, env={
@@ -163,7 +163,7 @@ def rig(repository, domain_id, tmp_path):
               'setpoint_timeout': '5.0', 'command_timeout': '5.0', 'supply_timeout': '5.0',
               'clocks_synchronised': 'false'}
     process = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'run', '--ros-args',
+        [sys.executable, '-m', 'fam_bundle_ros', 'run', '--ros-args',
          *(part for name, value in values.items() for part in ('-p', f'{name}:={value}'))],
         cwd=tmp_path, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
         env={**os.environ, 'PYTHONPATH': str(repository)})

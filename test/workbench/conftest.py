@@ -83,7 +83,7 @@ def serving(folder, repository, *arguments):
     environment.pop('PYTEST_CURRENT_TEST', None)
     log = (folder / 'server.log').open('w')
     process = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros.cli', 'workbench', '--no-show', '--port',
+        [sys.executable, '-m', 'fam_bundle_ros', 'workbench', '--no-show', '--port',
          str(port), *arguments], env=environment, stdout=log, stderr=subprocess.STDOUT,
         cwd=folder)
     address = f'http://127.0.0.1:{port}/'
