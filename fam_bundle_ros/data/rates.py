@@ -250,22 +250,23 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     it and yet miss little in the whole log. The jumps of a reading in steps look like that too.
     """
     noise, parts = noise_of(time, value, trial), parts_of(time, trial)
-    widest, best, corners = WINDOWS[0], _Local(*np.zeros((6, len(time)))), None
-    plain: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    for window in WINDOWS:
+    widest, plain = WINDOWS[0], {}
+    best, corners = with_corners(time, value, parts, widest // 2, noise)
+    for window in WINDOWS[1:]:
+        if corners is None:
+            plain[widest] = best.slope, best.slope_sd
+        if noise * np.median(best.slope_sd) < 0.005 * np.sqrt(np.mean(best.slope ** 2)):
+            break
         local, found = with_corners(time, value, parts, window // 2, noise)
-        if window > WINDOWS[0] and misses(value, local.value, noise, window):
+        if misses(value, local.value, noise, window):
             break
         widest, best, corners = window, local, found
-        if found is None:
-            plain[window] = local.slope, local.slope_sd
-        if noise * np.median(local.slope_sd) < 0.005 * np.sqrt(np.mean(local.slope ** 2)):
-            break
     every = np.full(len(time), widest)
     if signal_step(value, trial) > noise:
         return Slope(best.slope, noise * best.slope_sd, every)
-    straight = value
-    if corners is not None:
+    if corners is None:
+        straight, plain[widest] = value, (best.slope, best.slope_sd)
+    else:
         straight, plain = value - corners.ramp, {}
     beyond, going = -ndtri(0.5 * FALSE_ALARM / len(time)), np.ones(len(time), bool)
     rate, error, width = np.zeros(len(time)), np.full(len(time), np.inf), every.copy()

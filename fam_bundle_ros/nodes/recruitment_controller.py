@@ -59,8 +59,6 @@ class RecruitmentNode(BundleNode):
         p = self.p
         self.bundle = bundle_from(p['model'])
         self._loaded = p['model']
-        self.get_logger().info(f'preparing the controller of {self.bundle.name} (a model that is '
-                               'new to this machine is compiled first: up to half a minute)')
         self.controller = RecruitmentController(self.bundle, controller_config(p))
         self._direct = DirectPressures(self.bundle, hold_time=p['hold_time'])
         #: Whether the reference of the last tick was one of pressures.

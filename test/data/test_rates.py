@@ -308,6 +308,15 @@ def test_the_way_of_a_short_rest_where_the_motion_may_turn_is_unknown(moving, tu
     assert not turning(np.array(moving), np.arange(len(moving)), window).any()
 
 
+def test_the_window_of_a_rest_is_that_where_it_begins():
+    """Four rows at rest are a hold for a window of three, and a turn for one of nine."""
+    moving, trial = np.array([1, 1, 0, 0, 0, 0, -1, -1]), np.zeros(8, int)
+    narrow, wide = np.full(8, 9), np.full(8, 3)
+    narrow[2:7], wide[2:7] = 3, 9
+    assert turning(moving, trial, narrow).tolist() == [0, 1, 1, 0, 0, 1, 1, 0]
+    assert turning(moving, trial, wide).tolist() == [0, 0, 1, 1, 1, 1, 0, 0]
+
+
 def test_commanded_levels_and_ramps_are_not_smoothed():
     """Isometric log in one trial: ramps in steps of 9.18 kPa, told to 10 Pa; six lengths."""
     ramp = np.concatenate([np.linspace(0.0, 450e3, 50), np.linspace(450e3, 0.0, 50)])
