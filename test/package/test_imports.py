@@ -32,6 +32,7 @@ ALLOWED = {
                   *DRAWS},
     'cli': {'model', 'data', 'plant', 'control', 'discovery', 'simulation', 'nodes', 'report',
             'benchmarks', 'campaign', 'workbench', *DRAWS},
+    '__main__': {'cli'},
 }
 # Modules that know nothing of physics and serve every layer.
 PLAIN = {'atomic', 'bagwriter', 'errors', 'extras', 'jsonfile', 'kernels', 'mcapfile', 'processes',
