@@ -98,10 +98,10 @@ def _local(time: np.ndarray, value: np.ndarray, half: int) -> _Local:
     signal = np.stack([y.sum(1), total(t, y), total(square, y)], -1)
     ramp = np.stack([t[:, after].sum(1), square[:, after].sum(1),
                      total(t[:, after], square[:, after])], -1)
-    unit = np.broadcast_to([0.0, 1.0, 0.0], (rows, 3))
-    of_signal, of_ramp, of_unit = np.moveaxis(
-        np.linalg.solve(normal, np.stack([signal, ramp, unit], -1)), -1, 0)
-    fitted = value + of_signal[:, 0], of_signal[:, 1] / scale, np.sqrt(of_unit[:, 1]) / scale
+    inverse = np.linalg.inv(normal)
+    of_signal, of_ramp = (np.einsum('tij,tj->ti', inverse, each) for each in (signal, ramp))
+    fitted = (value + of_signal[:, 0], of_signal[:, 1] / scale,
+              np.sqrt(inverse[:, 1, 1]) / scale)
     if rows <= 2 * half:
         return _Local(*fitted, *none)
     whole = slice(half, rows - half)
@@ -250,37 +250,40 @@ def slope(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Slope:
     it and yet miss little in the whole log. The jumps of a reading in steps look like that too.
     """
     noise, parts = noise_of(time, value, trial), parts_of(time, trial)
-    widest, plain = WINDOWS[0], {}
+    widest = WINDOWS[0]
     best, corners = with_corners(time, value, parts, widest // 2, noise)
     for window in WINDOWS[1:]:
-        if corners is None:
-            plain[widest] = best.slope, best.slope_sd
         if noise * np.median(best.slope_sd) < 0.005 * np.sqrt(np.mean(best.slope ** 2)):
             break
         local, found = with_corners(time, value, parts, window // 2, noise)
         if misses(value, local.value, noise, window):
             break
         widest, best, corners = window, local, found
-    every = np.full(len(time), widest)
     if signal_step(value, trial) > noise:
-        return Slope(best.slope, noise * best.slope_sd, every)
-    if corners is None:
-        straight, plain[widest] = value, (best.slope, best.slope_sd)
-    else:
-        straight, plain = value - corners.ramp, {}
-    beyond, going = -ndtri(0.5 * FALSE_ALARM / len(time)), np.ones(len(time), bool)
-    rate, error, width = np.zeros(len(time)), np.full(len(time), np.inf), every.copy()
+        return Slope(best.slope, noise * best.slope_sd, np.full(len(time), widest))
+    straight = value if corners is None else value - corners.ramp
+    own = _narrowed(time, straight, parts, widest, noise)
+    return own if corners is None else own._replace(rate=corners.given_back(own.rate))
+
+
+def _narrowed(time: np.ndarray, value: np.ndarray, parts: list[np.ndarray], widest: int,
+              noise: float) -> Slope:
+    """Return the slope of a signal without corners, each sample by its own window, see `slope`."""
+    beyond = -ndtri(0.5 * FALSE_ALARM / len(time))
+    rate, error = np.zeros(len(time)), np.full(len(time), np.inf)
+    width, going = np.full(len(time), widest), np.ones(len(time), bool)
     for window in (*[each for each in WINDOWS[::2] if each < widest], widest):
-        if window not in plain:
-            local = locally(time, straight, parts, window // 2)
-            plain[window] = local.slope, local.slope_sd
-        here, sd = plain[window]
-        fits = np.abs(here - rate) <= beyond * error
-        # a bend inside the window shows at its neighbours first
-        going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
-        rate, error = np.where(going, here, rate), np.where(going, noise * sd, error)
+        local = locally(time, value, parts, window // 2)
+        going &= with_neighbours(np.abs(local.slope - rate) <= beyond * error)
+        rate = np.where(going, local.slope, rate)
+        error = np.where(going, noise * local.slope_sd, error)
         width = np.where(going, window, width)
-    return Slope(rate if corners is None else corners.given_back(rate), error, width)
+    return Slope(rate, error, width)
+
+
+def with_neighbours(fits: np.ndarray) -> np.ndarray:
+    """Return which rows fit, (T,) bool, as do both neighbours: a bend shows there first."""
+    return fits & np.roll(fits, 1) & np.roll(fits, -1)
 
 
 def misses(value: np.ndarray, fitted: np.ndarray, noise: float, window: int) -> bool:

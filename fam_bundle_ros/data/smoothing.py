@@ -15,6 +15,7 @@ from fam_bundle_ros.data.rates import (
     parts_of,
     WINDOWS,
     with_corners,
+    with_neighbours,
 )
 
 #: Windows in rows; wider ones would flatten the bends of a moving signal.
@@ -58,9 +59,7 @@ def smooth(time: np.ndarray, value: np.ndarray, trial: np.ndarray) -> Smooth:
     spread, going = np.full(len(value), noise), np.ones(len(value), bool)
     for window in _SMOOTHED:
         fitted = locally(time, value - ramp, parts, window // 2).value
-        fits = np.abs(fitted - best) <= 2.5 * spread
-        # a bend inside the window shows at its neighbours first
-        going &= fits & np.roll(fits, 1) & np.roll(fits, -1)
+        going &= with_neighbours(np.abs(fitted - best) <= 2.5 * spread)
         best, half = np.where(going, fitted, best), np.where(going, window // 2, half)
         spread = np.where(going, noise * 1.5 / np.sqrt(window), spread)
     best, left = best + ramp, noise * _error_of_fit(half, ends)

@@ -20,8 +20,8 @@ _FORCES = (
     (-1.0, _TURNED),
     (4.448222, 'with a force in lbf, not in N'), (1.0 / 4.448222, 'with a force in N, not in lbf'),
     (9.80665, 'with a force in kgf, not in N'), (1.0 / 9.80665, 'with a force in N, not in kgf'))
-#: Units that pressures may have been meant in, and read in where no file says which.
-_PRESSURES = 'kPa', 'psi', 'bar'
+#: Units that pressures may have been meant in, and read in where no file names one: Pa of each.
+_PRESSURES = {unit: si_factor(unit, 'Pa') for unit in ('kPa', 'psi', 'bar')}
 #: Pa: where the lowest pressure is above this the gauge may show absolute pressure.
 _NEVER_VENTED = 85e3
 #: Pa: taken off absolute pressures.
@@ -49,13 +49,11 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
                       'with pressures that are absolute, not gauge'))
     now = rms(residual)
     if now > _GOOD * rms(data.force):  # these make a large error
-        told = {taken.unit for taken in data.taken if taken.quantity.startswith('pressure')}
-        for read, meant in product(sorted(told) or _PRESSURES, _PRESSURES):
-            if (unit := unit_of(read, 'Pa')) is None:
-                continue
-            meant_so = replace(data, pressure=si_factor(meant, 'Pa') / unit.factor * data.pressure)
+        for read, meant in product(_named_pressures(data) or _PRESSURES.items(),
+                                   _PRESSURES.items()):
+            meant_so = replace(data, pressure=meant[1] / read[1] * data.pressure)
             tries.append((rms(data.force - predict(meant_so)), rms(data.force),
-                          f'with pressures in {meant}, not in {read}'))
+                          f'with pressures in {meant[0]}, not in {read[0]}'))
         back = replace(data, strain=data.strain.max() + data.strain.min() - data.strain)
         tries.append((rms(data.force - predict(back)), rms(data.force),
                       'with the strain turned round (positive when shorter)'))
@@ -72,6 +70,13 @@ def slips(predict: Callable[[Measurement], np.ndarray], data: Measurement,
     return (*_clock_slip(data),
             f'{words} the model would be off by {number(error)} N ({100 * error / force:.0f} % of '
             f'the force), not {number(now)} N')
+
+
+def _named_pressures(data: Measurement) -> set[tuple[str, float]]:
+    """Return the units that the file itself names for its pressures, and their factors to Pa."""
+    named = [unit_of(taken.unit, 'Pa') for taken in data.taken
+             if taken.quantity.startswith('pressure') and not taken.why]
+    return {(unit.text, unit.factor) for unit in named if unit is not None}
 
 
 def _clock_slip(data: Measurement) -> tuple[str, ...]:

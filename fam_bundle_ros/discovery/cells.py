@@ -77,6 +77,10 @@ class Cells:
     count : ndarray, shape (n,)
         Rows of each cell.
     force, strain, direction, trial : ndarray, shape (n,)
+    strain_coordinate : ndarray, shape (n,)
+        Strain of which a discrepancy is a smooth function. Where the strain is the measured
+        quantity it is the one that the model as given predicts: the noise of the strain is the
+        error of the force there, and a smooth function of a strain that contains it.
     speed : ndarray, shape (n,)
         Natural logarithm of the absolute strain rate, 1/s, limited below to the rate of rest.
     pressure : ndarray, shape (n, m), Pa
@@ -94,9 +98,6 @@ class Cells:
         The part of `force` that is noise of the strain, see `predict.strain_noise`.
     rows : int
         Number of rows of the measurement, before neighbours were averaged.
-    predicted_strain : ndarray, shape (n,), or None
-        Strain that the model as given predicts, if there is a ``stiffness``, within the range of
-        the measured one.
     """
 
     data: Measurement
@@ -106,6 +107,7 @@ class Cells:
     count: np.ndarray
     force: np.ndarray
     strain: np.ndarray
+    strain_coordinate: np.ndarray
     pressure: np.ndarray
     direction: np.ndarray
     speed: np.ndarray
@@ -119,20 +121,9 @@ class Cells:
     one_force: bool = False
     strain_noise: np.ndarray | float = 0.0
     rows: int = 0
-    predicted_strain: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.count)
-
-    @property
-    def place(self) -> np.ndarray:
-        """
-        Strain as the coordinate of a discrepancy, (n,).
-
-        The predicted one where the strain is the measured quantity: its noise is the error of the
-        force there, and would be a smooth function of a strain that contains it.
-        """
-        return self.strain if self.predicted_strain is None else self.predicted_strain
 
     @property
     def force_sd(self) -> float:
@@ -223,6 +214,8 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     if stiff is not None:
         data = replace(data, force=signals[0][1].value + unsmoothed)
     residual = data.force - model.predict(record)
+    coordinate = data.strain if stiff is None else np.clip(
+        data.strain - residual / stiff, data.strain.min(), data.strain.max())
     floor = noise_of(data, residual, stiff)
     least = settings.LEAST_NOISE * float(np.abs(data.force).max())
     known = [value for value in (floor.differences, floor.repeats) if value]
@@ -251,7 +244,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     moving, of_means = (mean(each) for each in _noise_of_signals(signals, count[label]))
     rate = np.abs(mean(data.strain_rate))
     return Cells(data, record, label, {words: int(rows) for words, rows in unused.items() if rows},
-                 count, mean(data.force), mean(data.strain),
+                 count, mean(data.force), mean(data.strain), mean(coordinate),
                  mean(data.pressure), np.sign(np.round(mean(data.direction.astype(float)))),
                  np.log(np.maximum(rate, max(CRAWL * np.percentile(rate, 90), 1e-9))),
                  np.round(mean(data.trial.astype(float))),
@@ -259,8 +252,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
                  max(float(np.sqrt(found.sd ** 2 + np.average(moving, weights=count))), least),
                  np.maximum(found.variance(count), least ** 2 / count) + of_means, strain_range,
                  pressure_range, None if stiff is None else mean(stiff), one_force,
-                 mean(unsmoothed), len(measurement), None if stiff is None else mean(np.clip(
-                     data.strain - residual / stiff, data.strain.min(), data.strain.max())))
+                 mean(unsmoothed), len(measurement))
 
 
 def _signals(model: Bundle, data: Measurement, measured_strain: bool,

@@ -179,7 +179,7 @@ class Covariance:
         step = max(_BLOCK // len(c), 1)
         for begin in range(0, len(strain), step):
             rows = slice(begin, begin + step)
-            across_strain = ((strain[rows, None] - c.place) / long) ** 2
+            across_strain = ((strain[rows, None] - c.strain_coordinate) / long) ** 2
             for i in units:
                 gap = (pressure[rows, i, None] - c.pressure[:, i]) / wide[i]
                 total[rows] += matern_5_2(across_strain + gap ** 2)
@@ -193,7 +193,7 @@ class Covariance:
             if axis == 'slow':
                 part = np.exp(-self._base['slow'] / settings.TIME_LENGTHS[h.tau])
             elif axis == 'even':
-                part = self.across(h, self.cells.place, self.cells.pressure)
+                part = self.across(h, self.cells.strain_coordinate, self.cells.pressure)
             else:
                 part = self._part('even', h) * self._base[axis]
             self._parts[key] = part

@@ -166,6 +166,6 @@ def _averaged(cells: Cells, off: np.ndarray, label: np.ndarray, way: np.ndarray)
     nowhere = np.zeros(len(rows))
     return replace(
         cells, label=label, count=rows, variance=variance, force=force,
-        strain=mean(data.strain), pressure=mean(data.pressure),
-        direction=mean(way), speed=nowhere, trial=nowhere, time=None, stiffness=None,
-        one_force=False, strain_noise=0.0, predicted_strain=None)
+        strain=mean(data.strain), strain_coordinate=mean(data.strain),
+        pressure=mean(data.pressure), direction=mean(way), speed=nowhere, trial=nowhere,
+        time=None, stiffness=None, one_force=False, strain_noise=0.0)

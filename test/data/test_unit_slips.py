@@ -50,10 +50,11 @@ def test_a_pressure_in_another_unit_is_told(told, unit, taken):
     assert words.startswith(begin)
 
 
-@pytest.mark.parametrize(('named', 'told_of'), [('kPa', True), ('bar', False), ('PSI', False)])
-def test_a_unit_that_the_file_does_not_name_was_not_confused(told, named, told_of):
-    """Numbers in psi under [kPa] are a slip; under [bar] the error is the model's."""
-    column = Taken('p', 'pressure', named)
+@pytest.mark.parametrize(('named', 'why', 'told_of'), [
+    ('kPa', '', True), ('bar', '', False), ('PSI', '', False), ('Pa', 'Pa guessed', True)])
+def test_a_unit_that_the_file_does_not_name_was_not_confused(told, named, why, told_of):
+    """Numbers in psi under [kPa], or no unit, are a slip; under [bar] the error is the model's."""
+    column = Taken('p', 'pressure', named, why=why)
     assert bool(told(pressure=1.0 / 6.894757, taken=lambda _: (column,))) == told_of
 
 

@@ -147,14 +147,14 @@ def test_friction_is_found_under_a_single_weight(paper_muscle, lift, load_cell):
     assert 'coulomb_friction' in {*found.effects, *(name for tie in found.tied for name in tie)}
 
 
-def test_the_noise_of_the_strain_is_not_in_the_place_of_a_discrepancy(paper_muscle, lift):
+def test_the_noise_of_the_strain_is_not_in_the_coordinate_of_a_discrepancy(paper_muscle, lift):
     """It is the error of the force there: with it in both, a smooth function explains it all."""
     cells = reduce(paper_muscle, lift(50.0))
     error = cells.mean(cells.residual_of_rows(paper_muscle))
     there = np.array([brentq(_off, -0.05, 0.5, (paper_muscle, pressure, 50.0))
                       for pressure in cells.pressure[:, 0]])
     assert np.corrcoef(error, cells.strain - there)[0, 1] > 0.8
-    assert abs(np.corrcoef(error, cells.place - there)[0, 1]) < 0.2
+    assert abs(np.corrcoef(error, cells.strain_coordinate - there)[0, 1]) < 0.2
 
 
 def test_nothing_is_missing_under_a_single_weight(paper_muscle, lift):
