@@ -144,7 +144,11 @@ def _summary(found: dict[str, Any]) -> None:
            for row in model['steps']], numeric=(1, 2),
           title=f'Model against the measured DMSP-20 ({model["verdict"].replace("_", " ")}; noise '
                 f'floor {number(model["noise_floor_N"], 2)} N)')
-    console.print(f'[dim]{found["seconds"]:.0f} s[/dim]')
+    held = model['recommended']
+    console.print(f'held out: effects alone {number(held["held_out_physics_N"])} N, six-parameter '
+                  f'empirical form {number(held["rivals_N"]["empirical"])} N, recommended model '
+                  f'{number(held["held_out_N"])} N', soft_wrap=True)
+    console.print(f'[dim]finished in {found["seconds"]:.0f} s[/dim]')
 
 
 def _step_name(name: str) -> Any:

@@ -49,7 +49,7 @@ def demo_metrics(runs: Sequence[DemoRun], diagnosis: Diagnosis, bundle: Bundle, 
     found['model'] = {
         'data': diagnosis.measurement.name, 'verdict': diagnosis.verdict,
         'effects': list(diagnosis.effects), 'noise_floor_N': diagnosis.noise.value,
-        'steps': list(diagnosis.ladder)}
+        'steps': list(diagnosis.ladder), 'recommended': diagnosis.recommended.to_dict()}
     return found
 
 
