@@ -41,8 +41,8 @@ TOPICS = {
     'model/state': 'whether the model holds: JSON with holds, words, error_N, noise_N, '
                    'tolerance_N, where, since_s, diagnosing, failure (of the last diagnosis), '
                    'candidate; latched',
-    'model/diagnosis': 'result of `diagnose`: the JSON of `fam_bundle diagnose`, with file and '
-                       'model_file; latched',
+    'model/diagnosis': 'result of `diagnose`: the JSON of `fam_bundle diagnose`, with file, '
+                       'model_file and protocol_file; latched',
     'model/applied': 'model file that `apply_model` or `restore_model` activated; latched',
     'e_stop': 'emergency stop, latched; one publisher',
     'supply_enable': 'true: the supply may be open; on change and 10 times a second; false or '

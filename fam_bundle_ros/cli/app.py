@@ -18,11 +18,11 @@ from fam_bundle_ros.cli.measure_command import measure
 from fam_bundle_ros.cli.model_commands import draw_map, effects, tune
 from fam_bundle_ros.cli.new_model import new_model
 from fam_bundle_ros.cli.outputs import CheckedCommand
-from fam_bundle_ros.cli.rig_commands import check_rig, record, run
+from fam_bundle_ros.cli.rig_commands import call, check_rig, record, run
 
 #: Panels of the help and their commands, in the order of the help; `_` in a name is shown as `-`.
 _COMMANDS = {
-    'Rig and ROS 2': (demo, run, measure, record, check_rig),
+    'Rig and ROS 2': (demo, run, call, measure, record, check_rig),
     'Model': (new_model, draw_map, effects, tune),
     'Discovery': (compare, diagnose, convert, workbench, add, ladder, campaign),
     'Benchmarks': (benchmark_control, benchmark_discovery, bench, benchmark_faults)}

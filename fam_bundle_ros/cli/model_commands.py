@@ -130,7 +130,7 @@ def tune(
                                                  min=0.0)] = 55.0,
     scheduled: Annotated[bool, typer.Option(help='Schedule the gains with the volume.')] = True,
     loop: Annotated[str, typer.Option(help='pressure, force or strain.')] = 'pressure',
-    gain_error: Annotated[float, typer.Option(help='Force and strain: relative error of the '
+    gain_error: Annotated[float, typer.Option(help='Force: relative error of the '
                                               "model's gain to tolerate.",
                                               min=0.0, max=1.0)] = 0.5,
     inertia: Annotated[float, typer.Option(help='Strain: force per strain acceleration of the '

@@ -1,6 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that use ROS 2: `run`, `record`, `check-rig`."""
+"""Commands that use ROS 2: `run`, `call`, `record`, `check-rig`."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -87,6 +87,25 @@ def run(
         arguments += ['--ros-args', *own, '--']
     console.print(f"running on {'a real' if rig else 'a simulated'} rig; Ctrl-C vents and stops")
     raise typer.Exit(bundle_bringup.main(arguments))
+
+
+def call(
+    service: Annotated[str, typer.Argument(metavar='SERVICE', help='Such as enable, e_stop_reset '
+                                           'or diagnose.')],
+    value: Annotated[bool | None, typer.Argument(metavar='[true|false]', help='For enable.')
+                     ] = None,
+    namespace: Namespace = 'bundle',
+) -> None:
+    """
+    Call a service of a running bundle, as ros2 service call does; 1 if it refuses.
+
+    The message of the answer is printed.
+    """
+    from fam_bundle_ros.nodes import calling
+    success, message = calling.call(service, value, namespace.strip('/'))
+    console.print(message or ('done' if success else 'refused, without a reason'), markup=False)
+    if not success:
+        raise typer.Exit(1)
 
 
 def record(

@@ -61,6 +61,20 @@ def test_run_tells_the_controller_of_the_mass_it_hangs_up(running_bundle, ros_co
     assert told == pytest.approx([5.0 * 9.80665, 0.0, 5.0 * 0.127, 5.0 * 0.127], abs=1e-3)
 
 
+def test_call_stops_a_running_bundle_and_starts_it_again(fam_bundle, running_bundle):
+    """The answer of the service is printed; 1 where it refuses, 2 where it was not called."""
+    for *words, status, told in (
+            ('e_stop_trigger', 0, 'stopped'), ('enable', 'true', 1, 'emergency stop'),
+            ('e_stop_reset', 0, 'running'), ('enable', 'true', 0, 'on, from'),
+            ('enable', 2, '/bundle/enable needs true or false'),
+            ('tare', 'true', 2, '/bundle/tare takes no value'),
+            ('enabel', 2, 'no service /bundle/enabel; expected one of adaptation/reset')):
+        result = fam_bundle('call', *words)
+        assert result.returncode == status, (words, result)
+        assert told in (result.stderr if status == 2 else result.stdout), (words, result)
+        assert len((result.stdout + result.stderr).splitlines()) == 1, (words, result)
+
+
 def test_a_running_bundle_is_checked_recorded_and_read(fam_bundle, running_bundle, tmp_path):
     """`run` speaks the interface; `record` makes a bag that `convert` reads; Ctrl-C ends well."""
     for _ in range(10):  # the first start compiles before it publishes
@@ -110,6 +124,14 @@ def test_a_parameter_on_the_command_line_of_run_wins_over_the_file(fam_bundle, d
     result = fam_bundle('run', '--rig', '--params-file', 'my_rig.yaml', '--ros-args', '-p',
                         'rate:=-3.0')
     assert 'rate is -3.0' in result.stderr
+
+
+def test_call_fails_where_there_is_no_bundle(fam_bundle, domain_id, monkeypatch):
+    """One line with the name of the service that was looked for."""
+    monkeypatch.setattr('fam_bundle_ros.nodes.calling._PATIENCE', 0.5)
+    result = fam_bundle('call', 'enable', 'true', '--namespace', '/nobody')
+    assert (result.returncode, result.stderr) == (
+        2, 'fam_bundle: no service /nobody/enable; is the bundle running, in this ROS domain?\n')
 
 
 def test_check_rig_fails_where_there_is_no_rig(fam_bundle, domain_id, monkeypatch):
