@@ -44,7 +44,9 @@ _LEAST_REST = 0.01
 _PULLING, _PUSHING = (0.08, 0.7), (0.16, 0.2)
 #: Least relative sd, however narrow a fit's intervals: muscles sold as equal differ by 5 %.
 _LEAST = 0.05
-#: Limit of the estimates, in prior sd.
+#: Limit of the estimates, in prior sd. Gains are limited to the same factor in both directions: with
+#: a push-back near zero a rising branch would be almost flat, and a muscle that is as steep as its
+#: model, but pulls from a lower pressure on, would swing across it.
 _BOUND = 2.7
 #: N: a change of the model's force by this size may be noise, whatever the estimate.
 _USUAL_CHANGE = 0.1
@@ -185,10 +187,12 @@ def adaptation_state(n: int) -> AdaptationState:
                            zeros(n), zeros(n), zeros(n), zeros(n), zeros(n))
 
 
-def bound_of(settings: Any, k: int) -> float:
-    """Return the largest size of the k-th estimate."""
-    bound = _BOUND * settings.spread[k]
-    return bound + settings.lag if k == len(settings.spread) - 1 else bound
+def bounds_of(settings: Any, k: int) -> tuple[float, float]:
+    """Return the smallest and the largest value of the k-th estimate."""
+    bound, gains = _BOUND * settings.spread[k], len(settings.spread) - 2
+    if k < gains:
+        return -bound / (1.0 + bound), bound
+    return (-bound, bound) if k == gains else (0.0, bound + settings.lag)
 
 
 def forget_adaptation(settings: Any, state: Any) -> None:
@@ -313,9 +317,8 @@ def adaptation_step(settings: Any, state: Any, measured: float, dt: float,
         step = product[i] * left
         for j in range(count):
             step += covariance[i][j] * state.taken[j]
-        bound = bound_of(settings, i)
-        low = -bound if i < n + 2 else 0.0
-        state.error[i] = min(max(state.error[i] + step / seen, low), bound)
+        low, high = bounds_of(settings, i)
+        state.error[i] = min(max(state.error[i] + step / seen, low), high)
     for i in range(count):
         for j in range(count):
             covariance[i][j] -= product[i] * product[j] / seen

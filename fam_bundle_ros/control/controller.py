@@ -10,6 +10,7 @@ allocated to the active units, while a crossing unit follows its own trajectory.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+import math
 
 import numpy as np
 
@@ -201,7 +202,8 @@ class RecruitmentController:
         Parameters
         ----------
         dt : float, s
-            Time since the last update; if not positive (clock reset) the command is repeated.
+            Time since the last update; if not positive (clock reset), or infinite, the command is
+            repeated.
         measurement : Measurement
         reference : Reference
 
@@ -214,7 +216,7 @@ class RecruitmentController:
         if reference.kind not in KINDS:
             raise InputError(f"reference kind is '{reference.kind}'; expected force or strain")
         measured = self._read(measurement)
-        if dt > 0.0:
+        if 0.0 < dt < math.inf:
             self._time += dt
             value, rate = reference.value, reference.rate
             if rate is None:

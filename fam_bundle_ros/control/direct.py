@@ -64,7 +64,8 @@ class DirectPressures:
         Parameters
         ----------
         dt : float, s
-            Time since the last update; if not positive (clock reset) the command is repeated.
+            Time since the last update; if not positive (clock reset), or infinite, the command is
+            repeated.
         measurement : Measurement
         reference : Reference
             Reference of the kind ``pressure``.
@@ -75,7 +76,7 @@ class DirectPressures:
             For another kind of reference, another number of pressures, or one out of range.
         """
         asked = self.checked(reference)
-        if dt > 0.0:
+        if 0.0 < dt < math.inf:
             seen = measurement.force + measurement.strain + float(np.sum(measurement.pressure))
             if math.isfinite(seen):
                 self._lost = 0.0

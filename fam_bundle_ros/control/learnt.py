@@ -7,7 +7,7 @@ from dataclasses import replace
 import math
 from typing import Any
 
-from fam_bundle_ros.control.adaptation import AdaptationSettings, AdaptationState, bound_of
+from fam_bundle_ros.control.adaptation import AdaptationSettings, AdaptationState, bounds_of
 from fam_bundle_ros.model import Bundle
 
 #: Relative errors, offsets (N) and lags (s) below these are not reported.
@@ -48,8 +48,8 @@ def learnt_words(settings: AdaptationSettings, state: AdaptationState, names: Se
 
 def wrong_model(settings: AdaptationSettings, state: AdaptationState) -> str:
     """Return a warning where an estimate is at its bound, else an empty string."""
-    last = len(state.error) - 1
-    reached = any(abs(state.error[i]) >= 0.999 * bound_of(settings, i) for i in range(last))
+    reached = any(error <= 0.999 * low or error >= 0.999 * high for error, (low, high) in zip(
+        state.error[:-1], (bounds_of(settings, k) for k in range(len(state.error)))))
     return ('adaptation is at its bounds: the model is wrong; record some motion and run '
             '`fam_bundle diagnose`') if settings.enabled and reached else ''
 

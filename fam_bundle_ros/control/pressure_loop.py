@@ -169,7 +169,7 @@ def pressure_step(settings: Any, state: Any, setpoint: float, pressure: float, d
         forget(state, 0.0)
         show(state, 0.0, 0.0, 0.0, False, True)
         return 0.0
-    if not dt > 0.0:
+    if not 0.0 < dt < math.inf:
         return state.command
     source = supply + settings.ambient
     # Predicted pressure: the reading does not show the last commands yet.

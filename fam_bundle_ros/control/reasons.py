@@ -69,7 +69,7 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
     if r.why == NONE:
         return ''
     if r.why == LOST:
-        return f'vent: no usable reading for {r.time:.2f} s'
+        return f'vent: no usable reading or reference for {r.time:.2f} s'
     if r.why == FULL:
         return f'recruit {names[state]}: ' + (
             f'{names[state - 1]} is full, demand is higher' if state else 'there is a demand')

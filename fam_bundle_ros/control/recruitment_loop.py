@@ -237,11 +237,11 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     kind, value, rate : int, float, float
         Reference: `outer_loop.FORCE` (N, N/s) or `STRAIN` (1, 1/s).
     dt : float, s
-        Time since the tick before; a step that is not positive (clock reset) is ignored.
+        Time since the tick before; if not positive (clock reset), or infinite, it is ignored.
     command : CommandRecord
         Input: the command of the tick before. Output: the new command.
     """
-    if not dt > 0.0:
+    if not 0.0 < dt < math.inf:
         return
     command.reason.why = NONE
     if not is_usable(measurement, kind, value, rate):

@@ -17,7 +17,7 @@ from fam_bundle_ros.control.adaptation import (
     adaptation_settings,
     adaptation_state,
     adaptation_step,
-    bound_of,
+    bounds_of,
     forget_adaptation,
     lag_doubt,
     lag_of,
@@ -171,7 +171,18 @@ def test_estimates_stay_within_bounds_and_say_so(paper_bundle):
     learner = Learner(paper_bundle)
     assert wrong_model(learner.settings, learner.state) == ''
     found = learner.run(forces, 3.0 * forces.sum(axis=1))
-    assert abs(found[0]) <= bound_of(learner.settings, 0)
+    assert found[0] == bounds_of(learner.settings, 0)[1]
+    assert 'diagnose' in wrong_model(learner.settings, learner.state)
+
+
+def test_a_push_back_is_learnt_by_the_same_factor_in_both_directions(paper_bundle):
+    """Muscles that do not push back at all: never less than what they may push back more."""
+    forces = exercise(60.0)
+    learner = Learner(paper_bundle)
+    low, high = bounds_of(learner.settings, 2)
+    assert (1.0 + low) * (1.0 + high) == pytest.approx(1.0)
+    found = learner.run(forces, np.maximum(forces, 0.0).sum(axis=1))
+    assert found[2] == low > -0.6
     assert 'diagnose' in wrong_model(learner.settings, learner.state)
 
 

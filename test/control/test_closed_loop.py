@@ -296,6 +296,26 @@ def test_other_units_take_over_what_a_low_supply_does_not_give(paper_bundle):
     assert abs(np.mean(log.error[last])) < 0.3
 
 
+@needs_numba
+def test_muscles_that_pull_from_a_lower_pressure_on_than_their_model_do_not_swing(paper_bundle):
+    """
+    A slow sine about the limit of one unit, with softer rubber: MU2 comes and goes calmly.
+
+    The push-back that is learnt becomes small. With a curve as flat as that, MU2 swung across
+    20 kPa at 12 Hz, some 450 kPa of travel in three seconds instead of 70.
+    """
+    soft = paper_bundle.with_parameters({'bladder_elasticity.c10': 60e3})
+    wide, omega = 8.0, 2.0 * math.pi * 0.15
+    level = float(paper_bundle.unit_forces(0.1, paper_bundle.max_pressure)[0])
+    log = ClosedLoop(soft, paper_bundle).run(Trajectory(
+        'slow sine', 'force', 25.0, lambda t: level + wide * math.sin(omega * t),
+        lambda t: wide * omega * math.cos(omega * t), Dynamometer(0.1)))
+    late = log.time > 16.0
+    assert np.diff(log.state[late]).any()
+    assert np.abs(np.diff(log.setpoint[late, 1])).sum() < 350e3
+    assert np.sqrt(np.mean(log.error[late] ** 2)) < 0.8
+
+
 @pytest.mark.parametrize('period', [4e-3, 10e-3, 20e-3])
 def test_a_ramp_is_followed_at_any_rate_of_the_controller(paper_bundle, period):
     """A setpoint that is held for a sample is half of it late; the feed-forward knows."""

@@ -88,7 +88,7 @@ def test_plain_and_compiled_pressure_loops_agree(mode, helped):
     (ABSENT, 'release A: demand 20.0 N below 31.5 N for 0.8 s'),
     (TURNED_BACK, 'release A: demand 20.0 N below 31.5 N and turned back before it was needed'),
     (CHEAP, 'release A: demand 20.0 N below 31.5 N, and only 12 kPa to fill again from here'),
-    (LOST, 'vent: no usable reading for 0.80 s')])
+    (LOST, 'vent: no usable reading or reference for 0.80 s')])
 def test_a_reason_reads_as_a_sentence(why, text):
     """Each code has its sentence, with the numbers that the decision rests on."""
     assert sentence(Reason(why, 1, 20.0, 31.5, 33.0, 25.0, 4.0, 0.8, 12e3), ['A', 'B']) == text

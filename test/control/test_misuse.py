@@ -77,6 +77,17 @@ def test_a_call_that_makes_no_sense_is_refused(paper_bundle, act, words):
         act(paper_bundle)
 
 
+@pytest.mark.parametrize('step', [math.inf, -math.inf, math.nan, 0.0])
+def test_a_time_step_that_is_none_changes_nothing(paper_bundle, step):
+    """A caller whose last time was -inf at first: the command stays, and later ones are sound."""
+    one, other = RecruitmentController(paper_bundle), RecruitmentController(paper_bundle)
+    force = Reference('force', 20.0)
+    assert not one.update(step, VENTED, force).pressure.any()
+    for _ in range(5):
+        assert (one.update(0.01, VENTED, force).pressure
+                == other.update(0.01, VENTED, force).pressure).all()
+
+
 def test_a_load_that_hangs_by_a_table_is_held_by_what_the_table_says():
     """Between its points in a line, beyond its ends constant; else force and stiffness."""
     table = LoadModel(force=99.0, table=((0.0, 10.0), (0.1, 30.0)))

@@ -392,11 +392,13 @@ def test_a_lost_supply_or_volume_shuts_the_valve_and_leaves_no_trace(lost):
 
 
 def test_a_clock_that_jumps_back_repeats_the_command():
-    """Nothing is integrated over a time step that is not positive."""
+    """Nothing is integrated over a time step that is not positive, or infinite."""
     pid = PressurePid(config=CONFIG)
     command = pid.update(200e3, 150e3, 1e-3)
     assert pid.update(200e3, 190e3, 0.0) == command
     assert pid.update(200e3, 190e3, -1.0) == command
+    assert pid.update(200e3, 190e3, math.inf) == command
+    assert math.isfinite(pid.update(200e3, 190e3, 1e-3))
 
 
 def test_bad_settings_fails():
