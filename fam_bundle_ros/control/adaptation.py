@@ -44,9 +44,9 @@ _LEAST_REST = 0.01
 _PULLING, _PUSHING = (0.08, 0.7), (0.16, 0.2)
 #: Least relative sd, however narrow a fit's intervals: muscles sold as equal differ by 5 %.
 _LEAST = 0.05
-#: Limit of the estimates, in prior sd. Gains are limited to the same factor in both directions: with
-#: a push-back near zero a rising branch would be almost flat, and a muscle that is as steep as its
-#: model, but pulls from a lower pressure on, would swing across it.
+#: Limit of the estimates, in prior sd. Gains are limited to the same factor in both directions:
+#: with a push-back near zero a rising branch would be almost flat, and a muscle as steep as its
+#: model that pulls from a lower pressure on would swing across it.
 _BOUND = 2.7
 #: N: a change of the model's force by this size may be noise, whatever the estimate.
 _USUAL_CHANGE = 0.1

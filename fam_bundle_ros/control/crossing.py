@@ -120,10 +120,14 @@ def slow_pace(usual: float) -> float:
     return usual / _RUSH
 
 
-def hurry(crossings: Any, unit: int, target: float, rate: float, spare: float, usual: float
-          ) -> None:
+def hurry(crossings: Any, unit: int, target: float, rate: float, spare: float, doubt: float,
+          usual: float) -> None:
     """
     Let a unit cross as fast as it must before the demand uses up the reserve of the others.
+
+    It may arrive later if that is the smaller error: beyond the reserve the demand is missed by
+    its rate times the delay, and in a crossing of duration t feedback is behind the error of the
+    push-back by ``doubt`` / t. Both are equal at t^2 = doubt / rate.
 
     Parameters
     ----------
@@ -133,12 +137,15 @@ def hurry(crossings: Any, unit: int, target: float, rate: float, spare: float, u
         Final pressure of the crossing.
     rate, spare : float, N/s and N
         Rate of the demand, at least 0; what is left of the other units' reserve.
+    doubt : float, N s
+        Error that may show during the crossing, times the lag of the feedback.
     usual : float, Pa/s
         `SwitchingConfig.crossing_rate`.
     """
-    distance = abs(target - crossings.pressure[unit])
-    pace = min(distance * rate / max(spare, 0.1), _HURRY * usual)
-    crossings.pace[unit] = max(crossings.pace[unit], pace)
+    if rate > 0.0:
+        distance = abs(target - crossings.pressure[unit])
+        time = max(spare / rate, math.sqrt(doubt / rate), _EASE)
+        crossings.pace[unit] = max(crossings.pace[unit], min(distance / time, _HURRY * usual))
 
 
 def hand_over_time(doubt: float, noise: float, lag: float) -> float:

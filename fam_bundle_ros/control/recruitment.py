@@ -58,7 +58,8 @@ class SwitchingConfig:
         Look-ahead of a rising demand where the whole dip can still be compensated; it shrinks to 0
         where none of it can.
     crossing_rate : float, Pa/s
-        Largest pressure rate of any unit during a crossing, within reach of valve and supply.
+        Usual pressure rate of a crossing, within reach of valve and supply; up to 4 times this
+        where the demand leaves no time, 20 times where the other units cannot compensate.
     """
 
     policy: str = 'reversal_aware'

@@ -7,6 +7,7 @@ from typing import Any
 
 from fam_bundle_ros.control.crossing import (
     advance,
+    doubt_of,
     end_crossing,
     hurry,
     is_crossing,
@@ -72,7 +73,8 @@ def spread(settings: Any, model: Any, state: Any, demand: float, dt: float) -> N
         if not up and state.shares.missing < -TOLERANCE:
             crossings.pace[unit] = max(crossings.pace[unit], usual)
         spare = left - state.demand.uncertainty - rate * state.outer.lag
-        hurry(crossings, unit, state.final.pressure[unit], rate, spare, usual)
+        hurry(crossings, unit, state.final.pressure[unit], rate, spare,
+              doubt_of(state) * state.outer.lag if settings.outer.feedback else 0.0, usual)
         short = up and crossings.rush[unit] > 0 and state.shares.missing > TOLERANCE
         if advance(crossings, unit, dt, state.final.pressure[unit], ratio, short, usual):
             end_crossing(crossings, k)

@@ -88,10 +88,19 @@ def test_a_hurry_ends_before_the_reserve_is_used_up_and_is_at_most_four_times_as
     """By the way that is left; a demand that stops rising slows no crossing down."""
     crossings = no_crossings(2)
     begin_crossing(crossings, 1, True, 50e3, PACE)
-    hurry(crossings, 1, 150e3, rate, 4.0, PACE)
+    hurry(crossings, 1, 150e3, rate, 4.0, 0.0, PACE)
     assert crossings.pace[1] == pytest.approx(pace)
-    hurry(crossings, 1, 150e3, 0.0, 4.0, PACE)
+    hurry(crossings, 1, 150e3, 0.0, 4.0, 0.0, PACE)
     assert crossings.pace[1] == pytest.approx(pace)
+
+
+def test_a_crossing_is_late_where_the_error_of_the_push_back_is_larger_than_what_is_missed():
+    """5 N may show, followed 20 ms late; at 4 N/s 0.63 N are missed in the time it then takes."""
+    crossings = no_crossings(2)
+    begin_crossing(crossings, 1, True, 50e3, 1e4)
+    hurry(crossings, 1, 150e3, 4.0, -1.0, 5.0 * 0.02, PACE)
+    time = 100e3 / crossings.pace[1]
+    assert 5.0 * 0.02 / time == pytest.approx(4.0 * time) == pytest.approx(0.632, abs=1e-3)
 
 
 def state_of(table, machine, *crossing):
