@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calls a service of a bundle that runs elsewhere, as `ros2 service call` does."""
 
+from collections.abc import Callable
 from contextlib import closing, ExitStack
 
 from std_srvs.srv import SetBool, Trigger
@@ -51,10 +52,11 @@ def call(service: str, value: bool | None = None, namespace: str = interface.NAM
             return {each: kind for each, kinds in node.get_service_names_and_types()
                     for kind in kinds if kind in _KINDS}
 
-        def wait(done, seconds):
-            if not spinner.until(done, seconds, lambda: signals.received) and signals.received:
+        def wait(done: Callable[[], bool], seconds: float) -> bool:
+            found = spinner.until(done, seconds, lambda: signals.received)
+            if signals.received and not found:
                 raise KeyboardInterrupt
-            return done()
+            return found
 
         if not wait(lambda: name in offered(), _PATIENCE):
             below = node.get_namespace().rstrip('/') + '/'
