@@ -6,7 +6,7 @@ Fixtures that every test may use.
 rclpy is imported by the fixtures that need it, so that tests of the library run without ROS.
 """
 
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass
 import fcntl
 import gc
@@ -164,24 +164,36 @@ def domain_id():
     pytest.fail(f'all {LARGEST_DOMAIN} ROS domains are in use by other test runs')
 
 
-@pytest.fixture(autouse=True)
-def ahead(request):
+@pytest.fixture(scope='session')
+def prior():
     """
-    Let nodes go before what only computes, as on the computer of a rig.
+    Return a context in which this process and those that it starts go before what only computes.
 
-    Their timeouts are those of the wall clock. Without the right to do so all are alike. Nor do
-    they wait half a second for the garbage of all tests of this process.
+    On the computer of a rig they do: the timeouts of nodes are those of the wall clock. Without
+    the right to do so all are alike.
     """
+    @contextmanager
+    def context():
+        before = os.getpriority(os.PRIO_PROCESS, 0)
+        with suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, 0, before - 10)
+        try:
+            yield
+        finally:
+            with suppress(PermissionError):
+                os.setpriority(os.PRIO_PROCESS, 0, before)
+    return context
+
+
+@pytest.fixture(autouse=True)
+def ahead(request, prior):
+    """Let nodes go first, nor wait half a second for the garbage of all tests of this process."""
     if 'domain_id' not in request.fixturenames:
         yield
         return
-    before = os.getpriority(os.PRIO_PROCESS, 0)
     gc.disable()
-    with suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, 0, before - 10)
-    yield
-    with suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, 0, before)
+    with prior():
+        yield
     gc.enable()
 
 

@@ -28,15 +28,16 @@ points: [[0 s, 4 %], [1 s, 8 %], [2 s, 4 %]]
 
 
 @pytest.fixture(scope='module')
-def running_bundle(repository, domain_id, tmp_path_factory):
+def running_bundle(repository, domain_id, prior, tmp_path_factory):
     """Yield ``fam_bundle run`` as a process that simulates and moves; the last test ends it."""
     folder = tmp_path_factory.mktemp('run')
     (folder / 'lift.yaml').write_text(LIFT)
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'fam_bundle_ros', 'run', '--model', 'spie2021',
-         '--trajectory', 'lift.yaml'],
-        cwd=folder, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, 'PYTHONPATH': str(repository), 'ROS_DOMAIN_ID': str(domain_id)})
+    with prior():
+        process = subprocess.Popen(
+            [sys.executable, '-m', 'fam_bundle_ros', 'run', '--model', 'spie2021',
+             '--trajectory', 'lift.yaml'],
+            cwd=folder, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, 'PYTHONPATH': str(repository), 'ROS_DOMAIN_ID': str(domain_id)})
     yield process
     process.kill()
     process.wait()
