@@ -48,7 +48,8 @@ class SwitchingConfig:
         its present rate, within ``horizon``.
     absence_time : float, s
         Time after which a unit that a moving demand has not needed is released too: refilling it
-        in every cycle of a fast demand would cost more air than keeping it.
+        in every cycle of a fast demand would cost more air than keeping it. A unit that is needed
+        again within this time is released only then, also at rest.
     worth : float
         While the demand falls, a unit is released at once where its bottom pressure is below this
         share of the largest one since it was recruited: refilling it costs almost no air.

@@ -161,6 +161,9 @@ class MachineState:
         the unit may not have been empty.
     wary : bool
         The last unit was recruited ahead of need in vain: no patience.
+    returned : bool
+        The last unit was recruited within the absence time after it was released: the demand moves
+        to and fro across the limit, and each crossing costs more than keeping the unit.
     """
 
     reserve: list
@@ -178,6 +181,7 @@ class MachineState:
     excess: float = math.inf
     back: bool = False
     wary: bool = False
+    returned: bool = False
     margins: Margins = field(default_factory=Margins)
 
 
@@ -188,7 +192,7 @@ def start_machine(machine: Any, state: int) -> None:
     machine.state, machine.direction, machine.since = state, 0, math.inf
     machine.calm = machine.absent = machine.rising = machine.ahead = machine.feedback = 0.0
     machine.released, machine.excess = -math.inf, math.inf
-    machine.back = machine.wary = False
+    machine.back = machine.wary = machine.returned = False
 
 
 def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float, reason: Any
@@ -239,7 +243,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
             if machine.back:
                 machine.excess -= max(demand.feedback - machine.feedback, 0.0)
             machine.stiffens[state] = 1 if why == SOFT else 0
-            switch(machine, demand, 1)
+            switch(settings, machine, demand, 1)
             return
     # Margins cover model errors; below its floor the state cannot give the force in any case.
     level = release if settings.policy == NEGLECT else max(release, table.floor[state])
@@ -248,7 +252,7 @@ def switch_step(settings: Any, machine: Any, table: Any, demand: Any, dt: float,
         if why != NONE:
             explain(reason, machine, table, demand, why, release)
             machine.ahead, machine.excess = 0.0, math.inf
-            switch(machine, demand, -1)
+            switch(settings, machine, demand, -1)
 
 
 def widths(settings: Any, demand: Any) -> tuple[float, float, float]:
@@ -369,7 +373,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     alone = machine.state == 1 and table.lowered[table.order[last]] > 0
     if alone or not demand.force < release:
         return NONE
-    if (machine.calm >= settings.rest_time
+    if (machine.calm >= settings.rest_time and not machine.returned
             and demand.force + demand.smooth_rate * settings.horizon < release):
         return AT_REST
     if machine.absent >= settings.absence_time:
@@ -379,7 +383,7 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     if demand.rate < 0.0 and machine.needed[last] == 0 and asked < release:
         return TURNED_BACK
     held = table.bottom_pressure[table.order[last]]
-    if demand.rate < 0.0 and held < settings.worth * machine.reserve[last]:
+    if demand.rate < 0.0 and not machine.returned and held < settings.worth * machine.reserve[last]:
         return CHEAP
     return NONE
 
@@ -397,12 +401,14 @@ def explain(reason: Any, machine: Any, table: Any, demand: Any, why: int, level:
         reason.pressure = table.bottom_pressure[table.order[state - 1]]
 
 
-def switch(machine: Any, demand: Any, direction: int) -> None:
+def switch(settings: Any, machine: Any, demand: Any, direction: int) -> None:
     """Recruit the next unit (+1) or release the last one (-1)."""
     # No patience after a unit was recruited in vain, until one has been needed.
     machine.wary = direction < 0 and machine.needed[machine.state - 1] == 0
     if direction > 0:
         machine.needed[machine.state], machine.reserve[machine.state] = 0, 0.0
+    machine.returned = (direction > 0 and machine.direction < 0
+                        and machine.since < settings.absence_time)
     machine.feedback = demand.feedback
     machine.released = demand.force - demand.feedback if direction < 0 else -math.inf
     machine.state += direction

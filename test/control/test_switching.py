@@ -237,8 +237,26 @@ def test_a_unit_that_was_missed_is_kept_for_longer(made, asked, until):
     assert 'at rest' in machine.tell(200.0, duration=5.0)[1]
     assert 'by more than 1.0 N' in machine.tell(248.0, feedback=248.0 - asked)[1]
     assert machine.machine.memory.back == (asked < 200.0)
-    assert machine.tell(until + 0.1, duration=5.0)[1] == ''
-    assert 'at rest' in machine.tell(until - 0.1, duration=5.0)[1]
+    assert machine.tell(until + 0.1, duration=20.0)[1] == ''
+    assert 'below 239.0 N for' in machine.tell(until - 0.1, duration=20.0)[1]
+
+
+@pytest.mark.parametrize(('away', 'rate', 'kept'), [
+    (9.0, 0.0, True), (11.0, 0.0, False), (9.0, -30.0, True), (11.0, -30.0, False)])
+def test_a_unit_that_is_needed_again_within_the_absence_time_is_kept_for_as_long(
+        made, away, rate, kept):
+    """Demands to and fro across the limit: neither a rest nor a cheap filling releases it."""
+    table = made()
+    machine = Machine(table, 2)
+    assert 'at rest' in machine.tell(100.0, duration=5.0)[1]
+    machine.tell(100.0, duration=away)
+    table.bottom_pressure[1] = 200e3
+    assert 'by more than' in machine.tell(248.0)[1]
+    machine.tell(300.0)
+    table.bottom_pressure[1] = 50e3
+    time, why = machine.tell(100.0, rate, duration=20.0)
+    assert ('for 10.0 s' in why) == kept
+    assert (time > 9.9) == kept
 
 
 def test_a_unit_after_one_that_was_recruited_is_not_brought_back(made):
