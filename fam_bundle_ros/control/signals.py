@@ -34,8 +34,8 @@ class Reference:
     Reference: ``kind`` is ``force`` (N) or ``strain``; ``rate`` is its rate per second.
 
     Without a rate it is estimated from the values before (`SampledReference`); a new value with
-    a rate of 0 is a step. The kind ``pressure`` (see `fam_bundle_ros.control.direct`) uses only
-    ``pressure``, the gauge pressures of all motor units, Pa.
+    a rate of 0 is a step. The kind ``pressure`` is for `DirectPressures`, not for
+    `RecruitmentController`, and uses only ``pressure``, the gauge pressures of all units, Pa.
     """
 
     kind: str

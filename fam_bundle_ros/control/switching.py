@@ -132,7 +132,8 @@ class MachineState:
     reserve : list (n,), Pa
         Largest bottom pressure of each unit, in order, since it was recruited.
     needed : list (n,) of int
-        1 for each unit, in order, that the demand has needed since it was recruited.
+        1 for each unit, in order, that the demand has needed since it was recruited; the last one
+        also if it was needed with the feedback of the state below.
     stiffens : list (n,) of int
         1 for each unit, in order, that was recruited for the stiffness only. It is kept for the
         absence time after it has last been needed for that: the strain may return.
@@ -283,6 +284,11 @@ def excess_over(table: Any, demand: Any, state: int) -> float:
     return demand.force - demand.feedback - limit_without_adaptation(table, state)
 
 
+def asked(machine: Any, demand: Any) -> float:
+    """Return the demand without changes of the feedback since the last switch, N."""
+    return demand.force - demand.feedback + machine.feedback
+
+
 def at_rest(settings: Any, table: Any) -> float:
     """Return the rate up to which a demand is at rest, N/s."""
     return settings.rest_rate * (table.top[-1] - table.top[0])
@@ -295,9 +301,11 @@ def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: 
     resting = demand.stepping == 0 and abs(demand.rate) < at_rest(settings, table)
     for k in range(machine.state):
         machine.reserve[k] = max(machine.reserve[k], table.bottom_pressure[table.order[k]])
-        if demand.force > table.top[k] - _LITTLE:
+        last = k == machine.state - 1
+        force = max(demand.force, asked(machine, demand)) if last else demand.force
+        if force > table.top[k] - _LITTLE:
             machine.needed[k], machine.stiffens[k] = 1, 0
-            if k == machine.state - 1:
+            if last:
                 machine.ahead = 0.0
     machine.rising = machine.rising + dt if demand.own_rate > 0.0 else 0.0
     machine.absent = machine.absent + dt if below else 0.0
@@ -373,17 +381,17 @@ def why_release(settings: Any, machine: Any, table: Any, demand: Any, release: f
     alone = machine.state == 1 and table.lowered[table.order[last]] > 0
     if alone or not demand.force < release:
         return NONE
-    if (machine.calm >= settings.rest_time and not machine.returned
-            and demand.force + demand.smooth_rate * settings.horizon < release):
-        return AT_REST
     if machine.absent >= settings.absence_time:
         return ABSENT
-    # Ignore changes of the feedback since the recruitment, for instance friction that reverses.
-    asked = demand.force - demand.feedback + machine.feedback
-    if demand.rate < 0.0 and machine.needed[last] == 0 and asked < release:
+    if machine.returned:
+        return NONE
+    if (machine.calm >= settings.rest_time
+            and demand.force + demand.smooth_rate * settings.horizon < release):
+        return AT_REST
+    if demand.rate < 0.0 and machine.needed[last] == 0 and asked(machine, demand) < release:
         return TURNED_BACK
     held = table.bottom_pressure[table.order[last]]
-    if demand.rate < 0.0 and not machine.returned and held < settings.worth * machine.reserve[last]:
+    if demand.rate < 0.0 and held < settings.worth * machine.reserve[last]:
         return CHEAP
     return NONE
 

@@ -139,6 +139,17 @@ def test_a_demand_that_turned_back_is_looked_at_with_care(made):
     assert 'rising' in machine.tell(240.0, 100.0, patience=0.2)[1]
 
 
+@pytest.mark.parametrize(('reference', 'released'), [(240.8, True), (241.0, False)])
+def test_a_unit_is_needed_by_what_was_asked_whatever_feedback_takes_off_since(
+        made, reference, released):
+    """RS1, which gives 246 N, lacked 5 N when it was left; RS2 pulls 3 N more than its model."""
+    machine = Machine(made(), 1)
+    machine.tell(100.0, 100.0, duration=0.5)
+    assert 'rising' in machine.tell(240.0, 100.0, feedback=5.0)[1]
+    machine.tell(reference - 3.0, 0.0, feedback=-3.0)
+    assert bool(machine.tell(197.0, -100.0, feedback=-3.0)[1]) == released
+
+
 @pytest.mark.parametrize(('force', 'own_rate', 'recruited'), [
     (212.0, 100.0, True), (230.0, 0.0, False), (240.0, 0.0, True)])
 def test_a_motion_of_the_strain_is_predicted_no_further_than_a_usual_crossing_takes(
@@ -257,6 +268,17 @@ def test_a_unit_that_is_needed_again_within_the_absence_time_is_kept_for_as_long
     time, why = machine.tell(100.0, rate, duration=20.0)
     assert ('for 10.0 s' in why) == kept
     assert (time > 9.9) == kept
+
+
+def test_a_unit_that_turning_demands_nearly_need_is_kept_the_second_time(made):
+    """Recruited in vain twice within the absence time: it would be a third time."""
+    machine = Machine(made(), 1)
+    machine.tell(100.0, 100.0, duration=0.5)
+    assert 'rising' in machine.tell(240.0, 100.0)[1]
+    assert 'turned back' in machine.tell(205.0, -100.0)[1]
+    machine.tell(100.0, 100.0, duration=0.5)
+    assert 'rising' in machine.tell(240.0, 100.0)[1]
+    assert machine.tell(205.0, -100.0, duration=9.0)[1] == ''
 
 
 def test_a_unit_after_one_that_was_recruited_is_not_brought_back(made):
