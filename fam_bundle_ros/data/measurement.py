@@ -21,6 +21,7 @@ import numpy as np
 from fam_bundle_ros.atomic import whole
 from fam_bundle_ros.data import checks, rates
 from fam_bundle_ros.data.dropouts import what_was_lost
+from fam_bundle_ros.data.resolution import follow_the_motion
 from fam_bundle_ros.data.smoothing import Smooth, smooth
 from fam_bundle_ros.data.trials import (
     fresh_stamps,
@@ -406,6 +407,10 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     if not np.ptp(time) > 0:
         raise InputError(f'{name}: time stands still at {time[0]:.6g} s; expected it to increase, '
                          'or no column for it')
+    if not follow_the_motion(time, strain, pressure, force, of_row):
+        notes.append('the force follows steps of strain and pressure from row to row: the rows '
+                     'are points, read without times (effects of rate and history are not seen)')
+        return replace(measured, notes=tuple(notes))
     rate, rate_noise, _ = rates.slope(time, strain, of_row)
     rate = named.get('strain_rate', rate)
     direction, basis = _directions(time, strain, pressure, of_row, rate, rate_noise)

@@ -4,8 +4,10 @@
 Priors of the parameters, in a standard normal coordinate u.
 
 theta = value exp(width u) for positive constants, value + width u for signed ones. A size that is
-zero by default is half-normal; if it is positive, the other size of its law may be zero. u = 0 is
-the value in the model file or the catalogue.
+zero by default is half-normal; if it is positive, the other size of its law may be zero. Of a law
+of the model with several sizes, such as the two constants of a Mooney-Rivlin tube, all but the
+first may be zero: below its value such a size is linear in u, above it exponential with the same
+slope. u = 0 is the value in the model file or the catalogue.
 """
 
 from __future__ import annotations
@@ -36,9 +38,9 @@ class Prior:
     lower, upper : float
         Bounds, SI.
     value, width : float
-        Centre (SI) and standard deviation (SI, or of the logarithm).
+        Centre (SI) and standard deviation (SI, or of the logarithm for ``log``).
     kind : str
-        ``log``, ``normal`` or ``half``.
+        ``log``, ``normal``, ``half``, or ``size``: normal below the value, log-normal above it.
     own : bool
         Whether it is a parameter of the model as given.
     beside : str
@@ -62,6 +64,8 @@ class Prior:
             high = np.log(self.upper / self.value) / self.width
             return max(-_FAR, float(low)), min(_FAR, float(high))
         low, high = (self.lower - self.value) / self.width, (self.upper - self.value) / self.width
+        if self.kind == 'size':
+            high = min(_FAR, self.value / self.width * np.log(self.upper / self.value))
         return 0.0 if self.kind == 'half' else float(low), float(high)
 
     @property
@@ -71,13 +75,22 @@ class Prior:
 
     def theta(self, u: float) -> float:
         """Return the SI value at u, within the bounds."""
-        value = self.value * np.exp(self.width * u) if self.kind == 'log' \
-            else self.value + self.width * u
+        if self._is_exponential(u):
+            value = self.value * np.exp(self._relative * u)
+        else:
+            value = self.value + self.width * u
         return float(min(max(value, self.lower), self.upper))
 
     def slope(self, u: float) -> float:
         """Return d theta / d u."""
-        return self.width * self.theta(u) if self.kind == 'log' else self.width
+        return self._relative * self.theta(u) if self._is_exponential(u) else self.width
+
+    def _is_exponential(self, u: float) -> bool:
+        return self.kind == 'log' or self.kind == 'size' and u > 0.0
+
+    @property
+    def _relative(self) -> float:
+        return self.width if self.kind == 'log' else self.width / self.value
 
 
 def own_priors(model: Bundle) -> list[Prior]:
@@ -114,6 +127,7 @@ def effect_priors(effect: Effect, units: int, own: bool = False,
     size : float, N
     """
     found = []
+    further = [name for name, value in effect.off.items() if value == 0.0][1:]
     for parameter in effect.active(units):
         low, high = effect.limits(parameter.name)
         value = effect.values[parameter.name]
@@ -122,7 +136,10 @@ def effect_priors(effect: Effect, units: int, own: bool = False,
         key = f'{effect.name}.{parameter.name}'
         if value > 0 and low >= 0:
             width = settings.OWN_WIDTH if own else settings.ADDED_WIDTH
-            found.append(Prior(key, low, high, value, width, 'log', own))
+            kind = 'log'
+            if own and low == 0.0 and parameter.name in further:
+                width, kind = width * value, 'size'
+            found.append(Prior(key, low, high, value, width, kind, own))
             continue
         width = settings.SIGNED_WIDTH * (high - low)
         if change is not None:

@@ -122,7 +122,8 @@ def implausible_constants(physics: Fit) -> dict[str, str]:
 def _impossible(physics: Fit) -> list[str]:
     """Return in words which of the model's own parameters are at a bound."""
     return [f'{prior.key} is at the limit of its possible range'
-            for prior, bound in zip(physics.priors, physics.at_bound) if bound and prior.own]
+            for prior, u, bound in zip(physics.priors, physics.u, physics.at_bound)
+            if bound and prior.own and not (prior.kind == 'size' and _is_off(prior, u))]
 
 
 def evidence_of_structure(fitter: Fitter, fit: Fit) -> float:

@@ -405,6 +405,18 @@ def test_noise_of_the_strain_in_fast_sweeps_names_nothing(seed):
     assert diagnose(bundle, data, choices=ALONE).verdict == 'adequate'
 
 
+def test_rubber_without_the_second_constant_is_no_other_law(sweeps, paper_muscle):
+    """A neo-Hookean tube: c01 is zero, which no factor of its usual value is."""
+    true = paper_muscle.with_parameters({'bladder_elasticity.c10': 150e3,
+                                         'bladder_elasticity.c01': 0.0})
+    result = diagnose(paper_muscle, sweeps(true), choices=ALONE)
+    assert result.verdict == 'recalibrate'
+    found = {each.key: each for each in result.parameters}
+    assert found['bladder_elasticity.c10'].value == pytest.approx(150.0, rel=0.03)
+    assert found['bladder_elasticity.c01'].interval[0] == 0.0
+    assert found['bladder_elasticity.c01'].interval[1] < 20.0
+
+
 def test_a_muscle_whose_dimensions_are_off_is_not_adequate_as_it_is(sweeps, paper_muscle):
     """A smooth discrepancy could stand in for a percent of the radius: it has to be refitted."""
     true = paper_muscle.with_parameters({'geometry.radius': 6.29e-3,

@@ -12,7 +12,7 @@ from fam_bundle_ros.discovery.priors import effect_priors, own_priors, Prior
 from fam_bundle_ros.model import Bundle, catalogue, MotorUnit
 
 KINDS = [Prior('a.b', 0.5, 12.0, 2.0, 0.7, 'log'), Prior('a.b', -4.0, 9.0, 2.0, 0.7, 'normal'),
-         Prior('a.b', 0.0, 9.0, 0.0, 0.7, 'half')]
+         Prior('a.b', 0.0, 9.0, 0.0, 0.7, 'half'), Prior('a.b', 0.0, 9.0, 2.0, 1.0, 'size')]
 
 
 @pytest.mark.parametrize('prior', KINDS, ids=lambda prior: prior.kind)
@@ -31,7 +31,9 @@ def test_limits_are_the_coordinates_of_the_bounds(prior):
 
 def test_one_width_is_what_the_kind_says():
     """A factor of exp(width), or so much more; a size that is zero begins where it has a slope."""
-    log, normal, half = KINDS
+    log, normal, half, size = KINDS
+    assert size.theta(-1.0) == size.theta(0.0) - 1.0 == 1.0
+    assert size.theta(1.0) == pytest.approx(2.0 * np.exp(0.5))
     assert log.theta(1.0) / log.theta(0.0) == pytest.approx(np.exp(0.7))
     assert log.theta(0.0) == normal.theta(0.0) == 2.0
     assert normal.theta(1.0) - normal.theta(0.0) == pytest.approx(0.7)
@@ -69,7 +71,10 @@ def test_dimensions_of_all_units_stay_possible(paper_muscle):
 
 
 def test_a_parameter_of_an_effect_has_the_prior_of_its_kind():
-    """Positive ones are log-normal, sizes of zero half-normal, signed ones normal."""
+    """Positive ones are log-normal, sizes of zero half-normal, signed ones normal.
+
+    Of a model's own law all sizes but the first may be zero.
+    """
     for name in catalogue.available():
         law = catalogue.get(name)
         if law.load is not None:
@@ -87,9 +92,12 @@ def test_a_parameter_of_an_effect_has_the_prior_of_its_kind():
                     value, low, high, own)
                 kind = ('log' if value > 0.0 and low >= 0.0 else
                         'half' if value == 0.0 and low >= 0.0 else 'normal')
+                zeros = [name for name, off in law.off.items() if off == 0.0]
+                if own and kind == 'log' and low == 0.0 and parameter.name in zeros[1:]:
+                    kind = 'size'
                 assert prior.kind == kind, parameter.name
-                assert prior.width == pytest.approx(width if kind == 'log'
-                                                    else 0.125 * (high - low))
+                assert prior.width == pytest.approx({
+                    'log': width, 'size': width * value}.get(kind, 0.125 * (high - low)))
 
 
 def test_the_width_of_a_signed_parameter_is_limited_by_what_it_does():
