@@ -8,6 +8,8 @@ from fam_bundle_ros.data.smoothing import smooth
 
 #: Rows that are judged; any stretch of a log tells it.
 _JUDGED = 2000
+#: Share of the largest force below which an error of the smoothing does no harm.
+_SMALL = 0.01
 
 
 def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
@@ -19,7 +21,8 @@ def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray
     such steps for noise, but the force follows them: a static form of force, P (a0 + a1 e +
     a2 e^2) + b0 + b1 e + b2 e^2, fits the readings, and not the smoothed values. The rows follow
     the motion if less than half of the squared error with smoothed values is due to the
-    smoothing. Errors are medians: a jump in a few rows of a log is no sign of points.
+    smoothing, or if this error is small. Errors are medians: a jump in a few rows of a log is no
+    sign of points.
 
     Parameters
     ----------
@@ -32,8 +35,9 @@ def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray
     time, strain, pressure, force, trial = (
         each[some] for each in (time, strain, pressure, force, trial))
     smoothed = [smooth(time, column, trial).value for column in (strain, *pressure.T)]
-    raw = _left(strain, pressure, force)
-    return bool(_left(smoothed[0], np.stack(smoothed[1:], -1), force) ** 2 <= 2.0 * raw ** 2)
+    left = _left(smoothed[0], np.stack(smoothed[1:], -1), force)
+    return bool(left <= max(np.sqrt(2.0) * _left(strain, pressure, force),
+                            _SMALL * np.abs(force).max()))
 
 
 def _left(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> float:

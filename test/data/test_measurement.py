@@ -272,8 +272,8 @@ def test_the_past_is_known_across_trials_of_one_recording(pause, pressure, on):
 def test_what_a_muscle_did_between_two_files_is_not_known():
     """Rows 2 s apart make no recording of two, which are joined with a minute between them."""
     time = 2.0 * np.arange(60)
-    one = build('one', 0.1 + 0.05 * np.sin(time), np.full(60, 2e5), 50.0 + np.sin(time),
-                np.arange(60) // 20, time)
+    wave = np.sin(0.2 * time)
+    one = build('one', 0.1 + 0.05 * wave, np.full(60, 2e5), 50.0 + wave, np.arange(60) // 20, time)
     assert np.flatnonzero(one.restart).tolist() == [0]
     assert np.flatnonzero(join([one, one]).restart).tolist() == [0, 60]
 

@@ -70,6 +70,13 @@ def test_a_log_of_steps_keeps_its_times():
     assert not read(time, strain, pressure).is_static
 
 
+def test_an_error_that_no_gauge_shows_is_no_sign_of_points():
+    """Without noise a static form fits exactly, and the smoothed values by a little less."""
+    time = 0.5 * np.arange(60)
+    strain = 0.1 - 0.1 * np.cos(0.9 * time)
+    assert not build('log', strain, np.full(60, 3e5), 200.0 - 300.0 * strain, time=time).is_static
+
+
 def test_a_long_file_of_points_is_judged_by_its_beginning():
     """Two thousand rows tell it."""
     time, strain, pressure = points(1)
