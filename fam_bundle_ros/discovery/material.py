@@ -129,7 +129,7 @@ class Sharing:
     places : list of int
         Which of the specimens have the effect.
     x, sd : ndarray, shape (k, n)
-        Value in each specimen and its standard deviation; logarithms for log-normal priors.
+        `Prior.coordinate` of each specimen and its standard deviation.
     width : ndarray, shape (k,)
         Widths of the priors.
     log_factor : float
@@ -137,7 +137,7 @@ class Sharing:
     shared : ndarray, shape (k,)
         Probability of a common value.
     one : ndarray, shape (k,)
-        The common value, from the most probable set with it.
+        The common coordinate, from the most probable set with it.
     """
 
     keys: tuple[str, ...]
@@ -174,10 +174,10 @@ def _sharing(every: Sequence[Fit], keys: tuple[str, ...], places: list[int]) -> 
     fits = [every[k] for k in places]
     at = [[[prior.key for prior in fit.priors].index(key) for key in keys] for fit in fits]
     priors = [[fit.priors[j] for j in places] for fit, places in zip(fits, at)]
-    centre = np.array([np.log(p.value) if p.kind == 'log' else p.value for p in priors[0]])
+    centre = np.array([p.coordinate(0.0) for p in priors[0]])
     widths = np.array([[p.width for p in each] for each in priors])
-    x = np.array([[np.log(p.value) if p.kind == 'log' else p.value for p in each]
-                  for each in priors]) + widths * [fit.u[j] for fit, j in zip(fits, at)]
+    x = np.array([[p.coordinate(u) for p, u in zip(each, fit.u[j])]
+                  for each, fit, j in zip(priors, fits, at)])
     # in widths of the widest prior, so that the prior is a standard normal
     width = widths.max(axis=0)
     z = (x - centre) / width
@@ -256,20 +256,20 @@ def constants(fits: Sequence[Fit], facts: Sequence[Mapping[str, float]], names: 
             if np.all(s > DEAD * sharing.width[j]):
                 continue
             unit, size = unit_of(having[0].model, key)
-            is_log = next(p for p in having[0].priors if p.key == key).kind == 'log'
-            values = np.exp(x) if is_log else x
-            one = float(np.exp(sharing.one[j]) if is_log else sharing.one[j])
+            prior = next(p for p in having[0].priors if p.key == key)
+            *u, one = (np.append(x, sharing.one[j]) - prior.coordinate(0.0)) / prior.width
+            values = np.array([prior.theta(each) for each in u])
+            sd = s * [prior.slope(each) for each in u] / prior.width
             each = Constant(
                 key, unit, [names[k] for k in sharing.places], (values / size).tolist(),
-                (s * (values if is_log else 1.0) / size).tolist(), float(sharing.shared[j]),
-                one / size, odds)
+                (sd / size).tolist(), float(sharing.shared[j]), prior.theta(one) / size, odds)
             found.append(each if each.is_shared is not False else each._replace(
-                relation=_relation(x, s, [facts[k] for k in sharing.places], is_log)))
+                relation=_relation(values, sd, [facts[k] for k in sharing.places])))
     return found
 
 
 def _relation(values: np.ndarray, sd: np.ndarray, facts: Sequence[Mapping[str, float]],
-              is_log: bool) -> Relation:
+              ) -> Relation:
     """
     Return how a parameter depends on columns that have three or more distinct values.
 
@@ -289,9 +289,9 @@ def _relation(values: np.ndarray, sd: np.ndarray, facts: Sequence[Mapping[str, f
         if np.all(way >= 0) or np.all(way <= 0):
             ordered[fact] = 'rises' if np.all(way >= 0) else 'falls'
             chance = 2.0 * float(np.prod([factorial(n) for n in alike])) / factorial(len(t))
-        if np.any(t <= 0.0) or not (is_log or np.all(x > 0.0)):
+        if np.any(t <= 0.0) or np.any(x <= 0.0):
             continue
-        y, spread = (x, s) if is_log else (np.log(x), s / x)
+        y, spread = np.log(x), s / x
         line = np.stack([np.ones(len(t)), np.log(t)], -1) / spread[:, None]
         found, _, _, _ = np.linalg.lstsq(line, y / spread, rcond=None)
         left = float(np.sum((y / spread - line @ found) ** 2))

@@ -81,6 +81,10 @@ class Prior:
             value = self.value + self.width * u
         return float(min(max(value, self.lower), self.upper))
 
+    def coordinate(self, u: float) -> float:
+        """Return what is linear in u: the logarithm for ``log``, else the value (below it)."""
+        return float(np.log(self.value) if self.kind == 'log' else self.value) + self.width * u
+
     def slope(self, u: float) -> float:
         """Return d theta / d u."""
         return self._relative * self.theta(u) if self._is_exponential(u) else self.width

@@ -16,10 +16,11 @@ from fam_bundle_ros.discovery.material import (
     _relation,
     _sharing,
     Constant,
+    constants,
     Relation,
     sharings,
 )
-from fam_bundle_ros.discovery.priors import Prior
+from fam_bundle_ros.discovery.priors import own_priors, Prior
 
 
 def observed(count, size, seed=0):
@@ -128,9 +129,22 @@ def test_an_effect_is_compared_in_the_specimens_that_have_it(paper_muscle):
     assert not sharings([none, both, none])
 
 
+def test_values_of_specimens_are_those_of_their_fits(paper_muscle):
+    """In kPa, whatever the kind of the prior: log-normal c10, and c01, which may be zero."""
+    priors = own_priors(paper_muscle)[-2:]
+    assert [prior.kind for prior in priors] == ['log', 'size']
+    fits = [SimpleNamespace(names=('bladder_elasticity',), model=paper_muscle, priors=priors,
+                            u=np.array(u), covariance=0.01 * np.eye(2))
+            for u in ((0.5, -2.0), (1.5, 1.5), (-0.7, -0.6))]
+    found = constants(fits, [{}] * 3, ['a', 'b', 'c'], 20.0)
+    assert len(found) == 2
+    for k, each in enumerate(found):
+        assert each.values == pytest.approx([1e-3 * priors[k].theta(fit.u[k]) for fit in fits])
+        assert each.sd == pytest.approx([1e-4 * priors[k].slope(fit.u[k]) for fit in fits])
+
+
 @pytest.mark.parametrize('power', [-1.0, 0.5, 2.0])
-@pytest.mark.parametrize('is_log', [True, False])
-def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power, is_log):
+def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power):
     """
     Within its errors; a fact that is one number in all, or another law, is not named.
 
@@ -140,38 +154,38 @@ def test_a_parameter_goes_with_the_fact_in_whose_power_it_goes(power, is_log):
     value = 3.0 * (length / 0.1) ** power
     facts = [{'length': t, 'age': age, 'batch': 7.0}
              for t, age in zip(length, (1.0, 9.0, 2.0, 5.0))]
-    x, s = (np.log(value), np.full(4, 0.02)) if is_log else (value, 0.02 * value)
-    found = _relation(x, s, facts, is_log)
+    x, s = value, 0.02 * value
+    found = _relation(x, s, facts)
     assert (found.goes_with, found.power) == ('length', pytest.approx(power))
     low, high = found.interval
     # standard error of the slope of a line
     spread = 0.02 / np.sqrt(np.sum((np.log(length) - np.log(length).mean()) ** 2))
     assert high - low == pytest.approx(2 * 1.96 * spread)
     only = [{key: each[key] for key in ('age', 'batch')} for each in facts]
-    assert _relation(x, s, only, is_log) == Relation()
+    assert _relation(x, s, only) == Relation()
     blank = [facts[0], *facts[2:], {'age': 4.0}]
     x, s = np.append(np.delete(x, 1), 99.0), np.append(np.delete(s, 1), 0.02)
-    found = _relation(x, s, blank, is_log)
+    found = _relation(x, s, blank)
     assert (found.goes_with, found.power) == ('length', pytest.approx(power))
 
 
 def test_a_line_through_two_values_is_no_power_law():
     """Nor is one whose power may be zero."""
-    x, s = np.log([122.9, 63.05, 121.3]), np.full(3, 0.1)
-    assert _relation(x, s, [{'length': t} for t in (127.0, 122.0, 127.0)], True) == Relation()
-    found = _relation(np.log([3.0, 3.2, 2.9, 3.3]), np.full(4, 0.1),
-                      [{'age': t} for t in (10.0, 100.0, 400.0, 900.0)], True)
+    x = np.array([122.9, 63.05, 121.3])
+    assert _relation(x, 0.1 * x, [{'length': t} for t in (127.0, 122.0, 127.0)]) == Relation()
+    x = np.array([3.0, 3.2, 2.9, 3.3])
+    found = _relation(x, 0.1 * x, [{'age': t} for t in (10.0, 100.0, 400.0, 900.0)])
     assert found == Relation()
 
 
 def test_values_in_the_order_of_a_column_are_said_to_rise_or_fall_with_it():
     """Friction of 1 to 4.2 N after 10 to 900 days is no power law, but it rises with age."""
-    x, s = np.log([1.0, 1.7, 3.0, 4.2]), np.full(4, 0.02)
+    x = np.array([1.0, 1.7, 3.0, 4.2])
     facts = [{'age': t, 'batch': b} for t, b in zip((10.0, 100.0, 400.0, 900.0), (3, 1, 2, 4))]
-    rises = _relation(x, s, facts, True)
+    rises = _relation(x, 0.02 * x, facts)
     assert (rises.ordered, rises.interval) == ({'age': 'rises'}, None)
     assert rises.chance == pytest.approx(2.0 / 24.0)
-    assert _relation(-x, s, facts, True).ordered == {'age': 'falls'}
+    assert _relation(1.0 / x, 0.02 / x, facts).ordered == {'age': 'falls'}
 
 
 def test_a_constant_is_told_with_what_it_is():
