@@ -21,8 +21,7 @@ def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray
     such steps for noise, but the force follows them: a static form of force, P (a0 + a1 e +
     a2 e^2) + b0 + b1 e + b2 e^2, fits the readings, and not the smoothed values. The rows follow
     the motion if less than half of the squared error with smoothed values is due to the
-    smoothing, or if this error is small. Errors are medians: a jump in a few rows of a log is no
-    sign of points.
+    smoothing, or if this error is small.
 
     Parameters
     ----------
@@ -41,10 +40,10 @@ def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray
 
 
 def _left(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> float:
-    """Return the median error of the static form fitted to a force, N."""
+    """Return the rms error of the static form fitted to a force, N."""
     ranges = np.ptp(strain) or 1.0, np.abs(pressure).max() or 1.0
     powers = (strain[:, None] / ranges[0]) ** np.arange(3)
     columns = np.concatenate([powers, *(
         powers * column[:, None] for column in pressure.T / ranges[1])], axis=1)
     found = np.linalg.lstsq(columns, force, rcond=None)[0]
-    return float(np.median(np.abs(force - columns @ found)))
+    return float(np.linalg.norm(force - columns @ found) / np.sqrt(len(force)))

@@ -415,6 +415,10 @@ def test_rubber_without_the_second_constant_is_no_other_law(sweeps, paper_muscle
     assert found['bladder_elasticity.c10'].value == pytest.approx(150.0, rel=0.03)
     assert found['bladder_elasticity.c01'].interval[0] == 0.0
     assert found['bladder_elasticity.c01'].interval[1] < 20.0
+    rubbing = diagnose(paper_muscle, sweeps(true.with_effect('coulomb_friction', force=8.0)),
+                       choices=ALONE)
+    assert rubbing.verdict == 'missing_effect'
+    assert rubbing.effects == ('coulomb_friction',)
 
 
 def test_a_muscle_whose_dimensions_are_off_is_not_adequate_as_it_is(sweeps, paper_muscle):
