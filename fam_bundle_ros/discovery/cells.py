@@ -226,7 +226,7 @@ def reduce(model: Bundle, measurement: Measurement, most: int | None = None) -> 
     else:
         label = (_places if data.is_static else visits)(
             data, data.direction, strain_range, pressure_range, most)
-    far = spikes(data, residual, noise)
+    far = spikes(data, residual, max(noise, floor.differences or 0.0))
     turns = unknown_direction(data, may_stick=stiff is not None)
     used = ~(far | turns | blurred)
     visit, label = label, _at_most(most, np.where(used, label, -1))

@@ -21,7 +21,7 @@ from fam_bundle_ros.discovery.held_out import (
     HeldOut,
     squares_of_folds,
 )
-from fam_bundle_ros.discovery.options import Change
+from fam_bundle_ros.discovery.options import Change, Names
 from fam_bundle_ros.discovery.posterior import named, Posterior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.verdict import (
@@ -196,7 +196,8 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
 
     Where the residual still has structure, the evidence compares it with the small noise, so an
     effect that imitates one percent of the misfit gains tens of log units. There an effect stays
-    only if it lowers the cross-validation error by more than one standard error over the folds.
+    only if it lowers the cross-validation error by more than one standard error over the folds,
+    and all effects only if they do so together: of two, each may undo what the other does.
     Without structure, an effect is removed only if no kind of fold gets worse, with and without
     the discrepancy; the last effect only if the evidence for it depends on a discrepancy.
 
@@ -217,21 +218,21 @@ def drop_unpredictive(search: Search, chosen: Fit, found: list[Change], physics:
     """
     fitter = search.fitter
     held = held_out(fitter, physics, chosen)
-    structured = leaves_structure(search, chosen, physics)
+    structured = folds_tell(search, chosen, physics)
     while found:
-        for change in reversed(found):
-            fewer = search.fit(change.undone(chosen.names), chosen.start, chosen.hyper)
+        for gone in [[change] for change in reversed(found)] + [found] * structured:
+            fewer = search.fit(_undone(gone, chosen.names), chosen.start, chosen.hyper)
             without = fitter.without_discrepancy(fewer)
             error = held_out(fitter, without, fewer)
             idle = fewer.white_posterior >= chosen.white_posterior
             if structured:
                 goes = within_standard_error(error.squares, held.squares) or (
-                    len(found) > 1 and _is_implausible(physics, change)
+                    len(found) > len(gone) and _is_implausible(physics, gone[0])
                     and not implausible_geometry(physics))
             else:
                 goes = error.is_no_worse(held) and (len(found) > 1 or idle)
             if goes or idle and not _is_seen(fitter.cells, physics, without):
-                found = [other for other in found if other is not change]
+                found = [change for change in found if change not in gone]
                 chosen, physics, held = fewer, without, error
                 break
         else:
@@ -244,6 +245,13 @@ def _is_seen(cells: Cells, one: Fit, other: Fit) -> bool:
     # a difference of chi-squared x gives a log likelihood ratio of at most x / 2
     square = (one.residual - other.residual) ** 2 / cells.variance
     return bool(np.sum(square) > 2.0 * settings.LEAST_LOSS)
+
+
+def _undone(changes: list[Change], names: Names) -> Names:
+    """Return the effects of a set without some of its changes."""
+    for change in changes:
+        names = change.undone(names)
+    return names
 
 
 def _is_implausible(physics: Fit, change: Change) -> bool:

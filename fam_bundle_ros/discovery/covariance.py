@@ -89,6 +89,8 @@ class Covariance:
         self._share = settings.AMPLITUDES.tolist()
         self._variance = [(share * (force_sd or cells.force_sd)) ** 2 for share in self._share]
         self._noise = cells.variance
+        #: Part of log det L that is due to the cells that are left out.
+        self._uncounted = 0.0
         both = np.outer(cells.direction, cells.direction)
         #: By axis: the factor of the Matern part, or the time difference within a trial, s.
         self._base: dict[str, np.ndarray] = {'odd': both}
@@ -131,10 +133,10 @@ class Covariance:
         return dtrtrs(self._factor(h)[0], values, lower=1)[0]
 
     def log_determinant(self, h: Hyper) -> float:
-        """Return log det L."""
-        if h.is_white:
-            return float(0.5 * np.log(self._noise + self._variance[h.white]).sum())
-        return self._factor(h)[1]
+        """Return log det L of the cells that are not left out."""
+        whole = (float(0.5 * np.log(self._noise + self._variance[h.white]).sum()) if h.is_white
+                 else self._factor(h)[1])
+        return whole - self._uncounted
 
     def matrix(self, h: Hyper) -> np.ndarray:
         """Return K, (n, n), N^2."""
@@ -200,9 +202,15 @@ class Covariance:
         return self._parts[key]
 
     def without(self, gone: np.ndarray) -> Covariance:
-        """Return the covariance with some cells, (n,) bool, left out: given very large noise."""
-        other = copy(self)
-        other._noise = np.where(gone, (_UNKNOWN * self.cells.force_sd) ** 2, self._noise)
+        """
+        Return the covariance with some cells, (n,) bool, left out: given very large noise.
+
+        Evidences with it are those of the other cells alone.
+        """
+        other, unknown = copy(self), _UNKNOWN * self.cells.force_sd
+        other._noise = np.where(gone, unknown ** 2, self._noise)
+        # log_evidence counts log(2 pi) / 2 for every cell
+        other._uncounted = float(gone.sum() * np.log(np.sqrt(2.0 * np.pi) * unknown))
         other._factors = OrderedDict()
         return other
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 import time
 from typing import Any, NamedTuple
 
@@ -25,8 +26,9 @@ from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
-from fam_bundle_ros.discovery.artefacts import artefacts
+from fam_bundle_ros.discovery.artefacts import Artefact, artefacts
 from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.change_point import change_point
 from fam_bundle_ros.discovery.choice import (
     best_of_ties,
     drop_unpredictive,
@@ -242,6 +244,11 @@ class Searched:
         options = Options.of(model, reduce(model, data), choices, lengths)
         return cls(comparison, data, offsets, Search(options, progress))
 
+    @cached_property
+    def change(self) -> Artefact | None:
+        """A change during the log that is more probable than every set of effects."""
+        return change_point(self.search)
+
     def alone(self) -> Judged:
         """
         Choose the set that explains this measurement, and judge it.
@@ -293,9 +300,12 @@ class Searched:
                 likely: bool, refusals: Sequence[str] = ()) -> Judged:
         fitter, null = self.search.fitter, self.search.null
         base = fitter.without_discrepancy(null) if likely else physics
-        finding = judge(self.search, base, chosen, physics, found, held,
-                        artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets),
-                        likely, self.comparison.slips, refusals)
+        beside = ((self.change,) if self.change else
+                  artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets))
+        if self.change:
+            refusals = (*refusals, self.change.words)
+        finding = judge(self.search, base, chosen, physics, found, held, beside, likely,
+                        self.comparison.slips, refusals)
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
         return Judged(chosen, found, physics, base, held, finding)

@@ -326,6 +326,18 @@ def test_a_small_map_is_taken_row_by_row(paper_muscle):
     assert not cells.both_ways
 
 
+def test_rows_of_two_muscles_by_turns_are_no_spikes(make_sweeps, paper_muscle):
+    """Repeats agree, neighbours do not: a spike is far off beside its neighbours' scatter."""
+    one, two = make_sweeps(cycles=2), make_sweeps(
+        paper_muscle.with_parameters({'geometry.radius': 5.4e-3}), cycles=2)
+    force = np.where(np.arange(len(one)) % 2 == 0, one.force, two.force)
+    both = reduce(paper_muscle, replace(one, force=force))
+    assert 'spikes' not in both.unused
+    single = one.force.copy()
+    single[500] += 60.0
+    assert reduce(paper_muscle, replace(one, force=single)).unused['spikes'] == 1
+
+
 @pytest.mark.parametrize('gauge', [
     lambda held: held, lambda held: 5e-4 * np.round(held / 5e-4)], ids=['noise', 'steps'])
 def test_no_row_is_lost_to_the_noise_of_a_gauge_that_stands_still(gauge, paper_muscle):

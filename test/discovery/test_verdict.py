@@ -389,6 +389,26 @@ def test_where_structure_is_left_an_effect_must_predict_better(search, monkeypat
             assert choice.drop_unpredictive(made, small, found, small)[1] == found * stays
 
 
+@pytest.mark.parametrize('structured', [True, False])
+def test_effects_that_need_each_other_must_predict_better_than_none(search, monkeypatch,
+                                                                    structured):
+    """Each takes back what the other does: without either the error grows, without both less."""
+    made = search(nothing=0.0, coulomb_friction=10.0, end_caps=9.0,
+                  coulomb_friction__end_caps=30.0)
+    off = {made.null.names: [5.0, 4.0], made.best.names: [8.0, 7.0]}
+    monkeypatch.setattr(choice, '_is_seen', lambda *given: True)
+    monkeypatch.setattr(choice, 'leaves_structure', lambda *given: structured)
+    monkeypatch.setattr(choice, 'held_out', lambda fitter, physics, joint: replace(
+        GOOD, physics=sum(off.get(physics.names, [99.0])),
+        squares=np.array(off.get(physics.names, [50.0, 49.0]))))
+    monkeypatch.setattr(made.fitter, 'without_discrepancy', lambda fit: fit)
+    found = made.options.changes(made.best.names)
+    assert len(found) == 2
+    kept = choice.drop_unpredictive(made, made.best, found, made.best)
+    assert kept[1] == ([] if structured else found)
+    assert kept[0].names == (made.null if structured else made.best).names
+
+
 @pytest.mark.parametrize(('structured', 'angle', 'alone', 'kept'), [
     (True, 0.0, False, ['coulomb_friction']), (False, 0.0, False, None), (True, 4.0, False, None),
     (True, 0.0, True, None)], ids=['beside structure', 'no structure', 'no muscle', 'the last'])

@@ -1,0 +1,64 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A change during a log: rows of two muscles, or of one rig before and after something was moved.
+
+Each side of the change is then explained by the same model with other parameters, and no effect is
+needed. The evidence of the two parts is compared with that of the most probable set of effects
+(Bayesian comparison of a single change point, Smith 1975, Biometrika 62, 407).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fam_bundle_ros.discovery.artefacts import Artefact
+from fam_bundle_ros.discovery.cells import Cells
+from fam_bundle_ros.discovery.covariance import Hyper
+from fam_bundle_ros.discovery.fitter import COOLING, Fitter
+from fam_bundle_ros.discovery.linear import log_evidence
+from fam_bundle_ros.discovery.search import Search
+
+
+def change_point(search: Search) -> Artefact | None:
+    """
+    Return the change that is more probable than every set of effects, or None.
+
+    It is as probable beforehand as a missing effect, and equally so at each cell of the log. Its
+    place is that of the highest evidence of the model as given, linearised at its fit to all
+    cells; there it is fitted to each part by itself, with a discrepancy in each.
+    """
+    cells, null, covariance = search.fitter.cells, search.null, search.fitter.covariance
+    least = len(null.priors) + 1  # fewer cells determine no model
+    if cells.time is None or len(cells) < 2 * least:
+        return None
+    order = np.argsort(cells.mean(np.arange(len(cells.label), dtype=float)))
+    place = np.argsort(order)
+    places = range(least, len(cells) - least + 1)
+
+    def linear(gone: np.ndarray) -> float:
+        part = covariance.without(gone)
+        return max(log_evidence(part, Hyper(white=white), null.linear) for white in COOLING)
+
+    first = max(places, key=lambda k: linear(place >= k) + linear(place < k))
+    parts = [Fitter(covariance.without(gone)).fit(null.names, null.model, null.priors)
+             for gone in (place >= first, place < first)]
+    share = search.options.choices.inclusion
+    log_odds = (sum(part.evidence for part in parts) + null.log_prior - search.best.posterior
+                + np.log(share / (1.0 - share) / len(places)))
+    if log_odds <= 0.0:
+        return None
+    return Artefact(
+        f'one model for the rows before {_where(cells, *order[first - 1:first + 1])}, and another '
+        f'from there on, are {np.exp(min(log_odds, 99.0)):.2g} times as probable as any effects: '
+        'two muscles in one file, or something on the rig that was changed',
+        'diagnose the rows before and after this by themselves')
+
+
+def _where(cells: Cells, last: int, first: int) -> str:
+    """Return the words for the place of a change between two cells."""
+    assert cells.time is not None
+    if cells.trial[first] != cells.trial[last]:
+        return f'trial {cells.trial[first]:g}'
+    within = f' of trial {cells.trial[first]:g}' if np.ptp(cells.trial) else ''
+    return f'{cells.time[first]:.4g} s{within}'

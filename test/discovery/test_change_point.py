@@ -1,0 +1,85 @@
+# Copyright 2026 fam_bundle_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A log of two muscles is told as such, and what drifts or wears is not taken for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery.cells import reduce
+from fam_bundle_ros.discovery.change_point import change_point
+from fam_bundle_ros.discovery.diagnose import diagnose
+from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
+from fam_bundle_ros.discovery.settings import Choices
+
+SLIGHTER = {'geometry.radius': 5.8e-3}
+WORDS = 'one model for the rows before'
+
+
+def searched(model, data, *effects):
+    """Return a search that fitted the model as given, and the set with these effects."""
+    search = Search(Options.of(model, reduce(model, data), Choices()))
+    search.fit(search.options.own)
+    if effects:
+        search.fit(tuple(sorted((*search.options.own, *effects))))
+    return search
+
+
+def exchanged(make_sweeps, paper_muscle, first):
+    """Return sweeps of which the rows from ``first`` on are those of a slighter muscle."""
+    one, two = make_sweeps(), make_sweeps(paper_muscle.with_parameters(SLIGHTER), seed=1)
+    return replace(one, force=np.where(np.arange(len(one)) < first, one.force, two.force))
+
+
+def test_a_muscle_that_was_exchanged_is_told_and_no_effect_is_named(make_sweeps, paper_muscle):
+    """From the second cycle on; time alone would make it softening and a drift."""
+    found = diagnose(paper_muscle, exchanged(make_sweeps, paper_muscle, 480),
+                     choices=Choices(most=1))
+    assert found.verdict == 'unexplained'
+    assert found.effects == ()
+    assert found.summary.startswith(f'{WORDS} trial 6, and another from there on')
+    assert found.next_experiment == 'diagnose the rows before and after this by themselves'
+    assert max(entry.probability for entry in found.ranking) <= 0.5
+
+
+@pytest.mark.parametrize(('first', 'place'), [(160, 'trial 2'), (240, 'trial 3'),
+                                              (280, 's of trial 3'), (880, 'trial 11')])
+def test_the_place_of_the_exchange_is_told(make_sweeps, paper_muscle, first, place):
+    """Also within a trial, and where one part is a single trial."""
+    data = exchanged(make_sweeps, paper_muscle, first)
+    words = change_point(searched(paper_muscle, data)).words
+    assert words.startswith(WORDS)
+    where = words[len(WORDS) + 1:].partition(',')[0]
+    assert where.endswith(place)
+    if 's of' in where:
+        assert float(where.split()[0]) == pytest.approx(data.time[first], abs=1.5)
+
+
+def test_the_place_is_told_where_the_clock_starts_anew_in_each_trial(make_sweeps, paper_muscle):
+    """The log is in the order of its rows."""
+    data = exchanged(make_sweeps, paper_muscle, 480)
+    data = build('anew', data.strain, data.pressure, data.force, data.trial, data.time % 23.0)
+    assert np.all(np.diff(data.time)[np.diff(data.trial) > 0] < 0.0)
+    assert change_point(searched(paper_muscle, data)).words.startswith(f'{WORDS} trial 6,')
+
+
+@pytest.mark.parametrize('effects', [
+    (), ('coulomb_friction',), ('force_sensor_drift',), ('softening',)])
+def test_one_muscle_is_not_told_as_two(make_sweeps, paper_muscle, effects):
+    """Effects that are in the log explain it better, those that change with time too."""
+    true = paper_muscle
+    for name in effects:
+        true = true.with_effect(name)
+    assert change_point(searched(paper_muscle, make_sweeps(true), *effects)) is None
+
+
+def test_a_map_without_time_and_a_short_log_have_no_change(make_sweeps, paper_muscle):
+    """Rows of a map have no order; a model is not determined by fewer rows than parameters."""
+    data = exchanged(make_sweeps, paper_muscle, 480)
+    assert change_point(searched(paper_muscle, data)) is not None
+    assert change_point(searched(paper_muscle, replace(data, time=None))) is None
+    few = data.select(np.isin(np.arange(len(data)), range(477, 485)))
+    assert change_point(searched(paper_muscle, few)) is None
