@@ -26,7 +26,9 @@ def change_point(search: Search) -> Artefact | None:
 
     It is as probable beforehand as a missing effect, and equally so at each cell of the log. Its
     place is that of the highest evidence of the model as given, linearised at its fit to all
-    cells; there it is fitted to each part by itself, with a discrepancy in each.
+    cells; there it is fitted to each part by itself. It must be more probable with a discrepancy
+    in each part and without one: a discrepancy in two parts can follow what one part could not,
+    such as damping at two speeds one after the other.
     """
     cells, null, covariance = search.fitter.cells, search.null, search.fitter.covariance
     least = len(null.priors) + 1  # fewer cells determine no model
@@ -41,24 +43,27 @@ def change_point(search: Search) -> Artefact | None:
         return max(log_evidence(part, Hyper(white=white), null.linear) for white in COOLING)
 
     first = max(places, key=lambda k: linear(place >= k) + linear(place < k))
-    parts = [Fitter(covariance.without(gone)).fit(null.names, null.model, null.priors)
-             for gone in (place >= first, place < first)]
-    share = search.options.choices.inclusion
-    log_odds = (sum(part.evidence for part in parts) + null.log_prior - search.best.posterior
-                + np.log(share / (1.0 - share) / len(places)))
-    if log_odds <= 0.0:
+    share, log_odds = search.options.choices.inclusion, np.zeros(2)
+    for gone in (place >= first, place < first):
+        part = Fitter(covariance.without(gone))
+        fit = part.fit(null.names, null.model, null.priors)
+        log_odds += fit.evidence, part.without_discrepancy(fit).evidence
+    log_odds += null.log_prior + np.log(share / (1.0 - share) / len(places))
+    log_odds -= search.best.posterior, max(fit.white_posterior for fit in search.fits.values())
+    if log_odds.min() <= 0.0:
         return None
     return Artefact(
         f'one model for the rows before {_where(cells, *order[first - 1:first + 1])}, and another '
-        f'from there on, are {np.exp(min(log_odds, 99.0)):.2g} times as probable as any effects: '
-        'two muscles in one file, or something on the rig that was changed',
+        'from there on, are more probable than any effects (odds above '
+        f'1e{int(log_odds.min() / np.log(10.0))} to 1): two muscles in one file, something on the '
+        'rig that was changed, or a muscle that changed as no effect describes',
         'diagnose the rows before and after this by themselves')
 
 
 def _where(cells: Cells, last: int, first: int) -> str:
     """Return the words for the place of a change between two cells."""
     assert cells.time is not None
+    name = cells.data.trial_names[int(cells.trial[first])]
     if cells.trial[first] != cells.trial[last]:
-        return f'trial {cells.trial[first]:g}'
-    within = f' of trial {cells.trial[first]:g}' if np.ptp(cells.trial) else ''
-    return f'{cells.time[first]:.4g} s{within}'
+        return f'trial {name} ({cells.time[first]:.4g} s)'
+    return f'{cells.time[first]:.4g} s' + (f' of trial {name}' if np.ptp(cells.trial) else '')
