@@ -144,11 +144,18 @@ class _Reader:
                 'kPa, where the others hardly get: is it a supply? Tell the others (--columns)']
 
     def _text(self, label: str, row: int) -> str:
-        """Return the text in a row in place of the number of a quantity, '' for none."""
+        """
+        Return the text in a row in place of the number of a quantity, '' for none.
+
+        Where that cell is empty, the remark if the row has nothing else.
+        """
         key = {'strain': self.choices.strains[0], 'pressure': self.choices.pressures[0]}.get(
             label, label)
         choice = self.choices.chosen.get(key)
         text = self.table.text_of(choice.header, row) if choice and choice.header else ''
+        if not text:
+            found = [*filter(None, (self.table.text_of(each, row) for each in self.table.columns))]
+            text = found[0] if len(found) == 1 else ''
         return '' if is_number(text) else text[:40]
 
     @cached_property

@@ -8,8 +8,8 @@ from fam_bundle_ros.data.smoothing import smooth
 
 #: Rows that are judged; any stretch of a log tells it.
 _JUDGED = 2000
-#: Share of the largest force below which an error of the smoothing does no harm.
-_SMALL = 0.01
+#: Accuracy of the gauges of a rig, as a share of the largest force.
+ACCURACY = 0.01
 
 
 def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray,
@@ -21,7 +21,7 @@ def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray
     such steps for noise, but the force follows them: a static form of force, P (a0 + a1 e +
     a2 e^2) + b0 + b1 e + b2 e^2, fits the readings, and not the smoothed values. The rows follow
     the motion if less than half of the squared error with smoothed values is due to the
-    smoothing, or if this error is small.
+    smoothing, or if this error is within the accuracy of the gauges.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def follow_the_motion(time: np.ndarray, strain: np.ndarray, pressure: np.ndarray
     smoothed = [smooth(time, column, trial).value for column in (strain, *pressure.T)]
     left = _left(smoothed[0], np.stack(smoothed[1:], -1), force)
     return bool(left <= max(np.sqrt(2.0) * _left(strain, pressure, force),
-                            _SMALL * np.abs(force).max()))
+                            ACCURACY * np.abs(force).max()))
 
 
 def _left(strain: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> float:

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from fam_bundle_ros.data.grouping import rms
 from fam_bundle_ros.discovery.artefacts import Artefact
 from fam_bundle_ros.discovery.cells import Cells
 from fam_bundle_ros.discovery.covariance import Hyper
 from fam_bundle_ros.discovery.fitter import COOLING, Fitter
 from fam_bundle_ros.discovery.linear import log_evidence
 from fam_bundle_ros.discovery.search import Search
+from fam_bundle_ros.told import number
 
 
 def change_point(search: Search) -> Artefact | None:
@@ -44,19 +46,24 @@ def change_point(search: Search) -> Artefact | None:
 
     first = max(places, key=lambda k: linear(place >= k) + linear(place < k))
     share, log_odds = search.options.choices.inclusion, np.zeros(2)
+    left, used = [], cells.label >= 0
     for gone in (place >= first, place < first):
         part = Fitter(covariance.without(gone))
         fit = part.fit(null.names, null.model, null.priors)
-        log_odds += fit.evidence, part.without_discrepancy(fit).evidence
+        alone = part.without_discrepancy(fit)
+        log_odds += fit.evidence, alone.evidence
+        left.append(cells.residual_of_rows(alone.model)[used & ~gone[cells.label]])
     log_odds += null.log_prior + np.log(share / (1.0 - share) / len(places))
     log_odds -= search.best.posterior, max(fit.white_posterior for fit in search.fits.values())
     if log_odds.min() <= 0.0:
         return None
+    where = _where(cells, *order[first - 1:first + 1])
+    error, digits = number(rms(np.concatenate(left)), 2), int(log_odds.min() / np.log(10.0))
     return Artefact(
-        f'one model for the rows before {_where(cells, *order[first - 1:first + 1])}, and another '
-        'from there on, are more probable than any effects (odds above '
-        f'1e{int(log_odds.min() / np.log(10.0))} to 1): two muscles in one file, something on the '
-        'rig that was changed, or a muscle that changed as no effect describes',
+        f'one model for the rows before {where}, and another from there on, leave {error} N and '
+        f'are more probable than any effects (odds above 1e{digits} to 1): two muscles in one '
+        'file, something on the rig that was changed, or a muscle that changed as no effect '
+        'describes',
         'diagnose the rows before and after this by themselves')
 
 

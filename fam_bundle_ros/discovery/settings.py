@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fam_bundle_ros.data.resolution import ACCURACY
+
 
 @dataclass(frozen=True)
 class Choices:
@@ -90,7 +92,7 @@ LEAST_LOSS = 3.0
 LEAST_SHARE = 0.02
 #: A discrepancy below this share of the largest force is negligible: the gauges of a rig are not
 #: more accurate.
-SMALL = 0.01
+SMALL = ACCURACY
 #: Significance level of chi-square tests.
 ALARM = 0.01
 #: Structure, or offsets of trials, below this share of a row's noise are not reported.

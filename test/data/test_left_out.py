@@ -41,6 +41,29 @@ def test_gaps_are_left_out_and_counted(log, tmp_path, spoil, dropped):
     assert data.dropped == dropped
 
 
+@pytest.mark.parametrize(('row', 'told'), [
+    (['E-stop'], "(row 11: 'E-stop')"), (['', '', '', 'E-stop'], "(row 11: 'E-stop')"),
+    (['0.18', '', '100.0', '12.0'], '(row 11)')])
+@pytest.mark.parametrize('kind', ['csv', 'xlsx'])
+def test_a_remark_in_a_row_of_its_own_is_told_with_the_row(log, tmp_path, row, told, kind):
+    """In whichever column it stands; numbers beside an empty cell are no remark."""
+    rows, path = cells(log), tmp_path / f'a.{kind}'
+    rows.insert(9, row)
+    if kind == 'csv':
+        path.write_text(text([HEAD], rows))
+    else:
+        import openpyxl
+        book = openpyxl.Workbook()
+        book.active.append(HEAD.split(','))
+        for each in rows:
+            book.active.append([float(cell) if cell[:1].isdigit() else cell or None
+                                for cell in map(str, each)])
+        book.save(path)
+    told = f'without a number in strain {told}'
+    data = read_measurement(path, rest_length=REST, drop_bad=True)
+    assert told in data.dropped_words
+
+
 @pytest.mark.parametrize(('bad', 'said'), [
     ('0.00,overflow,100.0,12.0', {'without a number in strain': 1}),
     ('0.00,NaN,NaN,NaN', {'without a number in strain': 1}),

@@ -41,6 +41,8 @@ def test_a_muscle_that_was_exchanged_is_told_and_no_effect_is_named(make_sweeps,
     assert found.verdict == 'unexplained'
     assert found.effects == ()
     assert found.summary.startswith(f'{WORDS} trial 6 (')
+    left = found.summary.partition('leave ')[2].partition(' N and')[0]
+    assert float(left) == pytest.approx(0.6, abs=0.2)  # the noise
     assert found.next_experiment == 'diagnose the rows before and after this by themselves'
     assert max(entry.probability for entry in found.ranking) <= 0.5
 
