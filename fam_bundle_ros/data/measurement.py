@@ -365,9 +365,9 @@ def build(name: str, strain: np.ndarray, pressure: np.ndarray, force: np.ndarray
     codes = ''.join(f'; {note}' for note in notes if note.endswith('taken as no reading'))
     if keep.sum() < MIN_ROWS:
         label, row = next(iter(first.items()), ('', 0))
-        words = f', row {row}: {label} is not a finite number' if label else ''
-        raise InputError(f'{name}{words}: only {int(keep.sum())} rows; expected at least '
-                         f'{MIN_ROWS} with a number in every column{codes}')
+        words = f' ({label} has none in row {row})' if label else ''
+        raise InputError(f'{name}: {counted(int(keep.sum()), "row")} with a number in every '
+                         f'column{words}; expected at least {MIN_ROWS}{codes}')
     if not keep.all():
         rows, named = rows[keep], {label: values[keep] for label, values in named.items()}
         trial = None if trial is None else np.asarray(trial)[keep]

@@ -5,10 +5,16 @@ A change during a log: rows of two muscles, or of one rig before and after somet
 
 Each side of the change is then explained by the same model with other parameters, and no effect is
 needed. The evidence of the two parts is compared with that of the most probable set of effects
-(Bayesian comparison of a single change point, Smith 1975, Biometrika 62, 407).
+(Bayesian comparison of a single change point, Smith 1975, Biometrika 62, 407). A change is as
+probable beforehand as a missing effect, and equally so at each cell of the log. It must be more
+probable with a discrepancy and without one: a discrepancy in two parts can follow what one part
+could not, such as damping at two speeds one after the other.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,55 +28,116 @@ from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.told import number
 
 
-def change_point(search: Search) -> Artefact | None:
+@dataclass(frozen=True)
+class Places:
     """
-    Return the change that is more probable than every set of effects, or None.
+    The places of a log at which something may have changed: between two of its cells.
 
-    It is as probable beforehand as a missing effect, and equally so at each cell of the log. Its
-    place is that of the highest evidence of the model as given, linearised at its fit to all
-    cells; there it is fitted to each part by itself. It must be more probable with a discrepancy
-    in each part and without one: a discrepancy in two parts can follow what one part could not,
-    such as damping at two speeds one after the other.
+    Attributes
+    ----------
+    cells : Cells
+    least : int
+        Number of cells before the first place and after the last one.
     """
-    cells, null, covariance = search.fitter.cells, search.null, search.fitter.covariance
-    least = len(null.priors) + 1  # fewer cells determine no model
-    if cells.time is None or len(cells) < 2 * least:
+
+    cells: Cells
+    least: int
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """The cells in the order of the log, (n,) int."""
+        return np.argsort(self.cells.mean(np.arange(len(self.cells.label), dtype=float)))
+
+    @cached_property
+    def rank(self) -> np.ndarray:
+        """The number of cells before each, (n,) int."""
+        return np.argsort(self.order)
+
+    @property
+    def all(self) -> range:
+        """Places: the number of cells before each."""
+        return range(self.least, len(self.cells) - self.least + 1)
+
+    def after(self, first: int) -> np.ndarray:
+        """Return which cells come after a place, (n,) bool."""
+        return self.rank >= first
+
+    def row(self, first: int) -> int:
+        """Return the row at a place: the first one of a trial, if one begins there."""
+        before, after = (np.flatnonzero(self.cells.label == cell)
+                         for cell in self.order[first - 1:first + 1])
+        start = np.flatnonzero(self.cells.data.start)
+        between = start[(start > before[-1]) & (start <= after[0])]
+        return int(between[0] if len(between) else after[0])
+
+    def where(self, first: int) -> str:
+        """Return the words for a place."""
+        before, after = self.order[first - 1:first + 1]
+        cells = self.cells
+        assert cells.time is not None
+        name = cells.data.trial_names[int(cells.trial[after])]
+        if cells.trial[after] != cells.trial[before]:
+            return f'trial {name} ({cells.time[after]:.4g} s)'
+        return f'{cells.time[after]:.4g} s' + (f' of trial {name}' if np.ptp(cells.trial) else '')
+
+    def log_prior(self, search: Search) -> float:
+        """Return the log prior odds of one change at one place."""
+        share = search.options.choices.inclusion
+        return float(np.log(share / (1.0 - share) / len(self.all)))
+
+
+def places_of(search: Search) -> Places | None:
+    """Return the places of a log, or None for a map and for too few cells for two models."""
+    cells = search.fitter.cells
+    least = len(search.null.priors) + 1  # fewer cells determine no model
+    return None if cells.time is None or len(cells) < 2 * least else Places(cells, least)
+
+
+@dataclass(frozen=True)
+class TwoModels:
+    """One model before a row and another from there on: log odds against effects, and words."""
+
+    log_odds: float
+    artefact: Artefact
+
+
+def two_models(search: Search) -> TwoModels | None:
+    """
+    Return the change of the model that is more probable than every set of effects, or None.
+
+    Its place is that of the highest evidence of the model as given, linearised at its fit to all
+    cells; there it is fitted to each part by itself.
+    """
+    places = places_of(search)
+    if places is None:
         return None
-    order = np.argsort(cells.mean(np.arange(len(cells.label), dtype=float)))
-    place = np.argsort(order)
-    places = range(least, len(cells) - least + 1)
+    null, covariance, cells = search.null, search.fitter.covariance, places.cells
 
     def linear(gone: np.ndarray) -> float:
         part = covariance.without(gone)
         return max(log_evidence(part, Hyper(white=white), null.linear) for white in COOLING)
 
-    first = max(places, key=lambda k: linear(place >= k) + linear(place < k))
-    share, log_odds = search.options.choices.inclusion, np.zeros(2)
+    first = max(places.all, key=lambda k: linear(places.after(k)) + linear(~places.after(k)))
+    log_odds = against(search) + null.log_prior + places.log_prior(search)
     left, used = [], cells.label >= 0
-    for gone in (place >= first, place < first):
+    for gone in (places.after(first), ~places.after(first)):
         part = Fitter(covariance.without(gone))
         fit = part.fit(null.names, null.model, null.priors)
         alone = part.without_discrepancy(fit)
         log_odds += fit.evidence, alone.evidence
         left.append(cells.residual_of_rows(alone.model)[used & ~gone[cells.label]])
-    log_odds += null.log_prior + np.log(share / (1.0 - share) / len(places))
-    log_odds -= search.best.posterior, max(fit.white_posterior for fit in search.fits.values())
     if log_odds.min() <= 0.0:
         return None
-    where = _where(cells, *order[first - 1:first + 1])
     error, digits = number(rms(np.concatenate(left)), 2), int(log_odds.min() / np.log(10.0))
-    return Artefact(
-        f'one model for the rows before {where}, and another from there on, leave {error} N and '
-        f'are more probable than any effects (odds above 1e{digits} to 1): two muscles in one '
-        'file, something on the rig that was changed, or a muscle that changed as no effect '
-        'describes',
-        'diagnose the rows before and after this by themselves')
+    return TwoModels(float(log_odds.min()), Artefact(
+        f'one model for the rows before {places.where(first)}, and another from there on, leave '
+        f'{error} N and are more probable than any effects (odds above 1e{digits} to 1): two '
+        'muscles in one file, something on the rig that was changed, or a muscle that changed as '
+        'no effect describes',
+        'diagnose the rows before and after this by themselves'))
 
 
-def _where(cells: Cells, last: int, first: int) -> str:
-    """Return the words for the place of a change between two cells."""
-    assert cells.time is not None
-    name = cells.data.trial_names[int(cells.trial[first])]
-    if cells.trial[first] != cells.trial[last]:
-        return f'trial {name} ({cells.time[first]:.4g} s)'
-    return f'{cells.time[first]:.4g} s' + (f' of trial {name}' if np.ptp(cells.trial) else '')
+def against(search: Search) -> np.ndarray:
+    """Return minus the best log posterior of effects, with a discrepancy and without it, (2,)."""
+    return -np.array([search.best.posterior,
+                      max(fit.white_posterior for fit in search.fits.values())])

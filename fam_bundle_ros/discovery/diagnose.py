@@ -28,7 +28,7 @@ from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
 from fam_bundle_ros.discovery.artefacts import Artefact, artefacts
 from fam_bundle_ros.discovery.cells import reduce
-from fam_bundle_ros.discovery.change_point import change_point
+from fam_bundle_ros.discovery.change_point import two_models, TwoModels
 from fam_bundle_ros.discovery.choice import (
     best_of_ties,
     drop_unpredictive,
@@ -46,6 +46,7 @@ from fam_bundle_ros.discovery.predict import predict, stiffness
 from fam_bundle_ros.discovery.reading import measurement_of
 from fam_bundle_ros.discovery.result import Candidate, Diagnosis
 from fam_bundle_ros.discovery.search import Progress, Search
+from fam_bundle_ros.discovery.sensor_jump import Jump, sensor_jump
 from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.discovery.templates import describe
 from fam_bundle_ros.discovery.verdict import Finding, judge, shown_probability
@@ -192,15 +193,16 @@ class Searched:
     comparison : Comparison
         With the model as given.
     data : Measurement
-        Without offsets between the trials of a map.
+        Without offsets between the trials of a map, and without the jump of a reading.
     offsets : Offsets or None
-        These offsets.
+    jump : Jump or None
     search : Search
     """
 
     comparison: Comparison
     data: Measurement
     offsets: Offsets | None
+    jump: Jump | None
     search: Search
 
     @classmethod
@@ -211,7 +213,7 @@ class Searched:
 
         Where the clock runs on between trials, the muscle may remember the trial before, or not
         (it was set anew): the search is that of the assumption under which the data are more
-        probable.
+        probable. If a reading jumps during the log, it is corrected and the search begins anew.
         """
         told = 0.0
 
@@ -221,9 +223,20 @@ class Searched:
                 told = share
                 progress(share, words)
 
-        def begun(data: Measurement) -> Searched:
-            return cls._begun(model, data, choices, ahead, lengths)
+        def begun(data: Measurement, jump: Jump | None = None) -> Searched:
+            return cls._begun(model, data, choices, ahead, lengths, jump)
 
+        found = cls._likeliest(measurement, begun)
+        jump = sensor_jump(found.search)
+        if jump and not (found.change and found.change.log_odds > jump.log_odds):
+            found = begun(measurement if found.data.remembers else measurement.afresh(), jump)
+            found.search.run()
+        return found
+
+    @staticmethod
+    def _likeliest(measurement: Measurement, begun: Callable[[Measurement], Searched]
+                   ) -> Searched:
+        """Return the finished search with the likelier past of the trials."""
         found = begun(measurement)
         if not measurement.remembers:
             found.search.run()
@@ -238,16 +251,18 @@ class Searched:
 
     @classmethod
     def _begun(cls, model: Bundle, measurement: Measurement, choices: Choices,
-               progress: Progress, lengths: int) -> Searched:
+               progress: Progress, lengths: int, jump: Jump | None) -> Searched:
         comparison = compare(model, measurement, choose_past=False)
         data, offsets = _tared(comparison.measurement, comparison.residual)
+        if jump:
+            data = jump.undone(data)
         options = Options.of(model, reduce(model, data), choices, lengths)
-        return cls(comparison, data, offsets, Search(options, progress))
+        return cls(comparison, data, offsets, jump, Search(options, progress))
 
     @cached_property
-    def change(self) -> Artefact | None:
-        """A change during the log that is more probable than every set of effects."""
-        return change_point(self.search)
+    def change(self) -> TwoModels | None:
+        """A change of the model during the log that is more probable than every set of effects."""
+        return two_models(self.search)
 
     def alone(self) -> Judged:
         """
@@ -300,10 +315,13 @@ class Searched:
                 likely: bool, refusals: Sequence[str] = ()) -> Judged:
         fitter, null = self.search.fitter, self.search.null
         base = fitter.without_discrepancy(null) if likely else physics
-        beside = ((self.change,) if self.change else
-                  artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets))
+        beside: tuple[Artefact, ...] = (self.jump.artefact,) if self.jump else ()
         if self.change:
-            refusals = (*refusals, self.change.words)
+            beside = (*beside, self.change.artefact)
+            refusals = (*refusals, self.change.artefact.words)
+        else:
+            beside = (*beside, *artefacts(fitter, chosen, physics, self.comparison.noise,
+                                          self.offsets))
         finding = judge(self.search, base, chosen, physics, found, held, beside, likely,
                         self.comparison.slips, refusals)
         if finding.verdict == 'unexplained' and found:

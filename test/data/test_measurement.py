@@ -66,7 +66,7 @@ def test_written_csv_reads_back_the_same(write, tmp_path):
 @pytest.mark.parametrize(('spoil', 'words'), [
     (lambda rows: [*rows[:5], '0.5,a,0.1,high,3', *rows[6:]], "row 7: pressure [kPa] is 'high'"),
     (lambda rows: [*rows[:5], '0.5,a,0.1,100,3,7', *rows[6:]], 'row 7: 6 cells; expected 5'),
-    (lambda rows: rows[:3], 'only 3 rows'),
+    (lambda rows: rows[:3], ': 3 rows with a number'),
     (lambda rows: [], 'a header but no rows'),
     (lambda rows: rows[20:] + rows[:20], 'expected time to increase'),
     (lambda rows: rows_of(pressure=lambda k: 5e4 * (k % 5)), 'did you mean Pa?'),

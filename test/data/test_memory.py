@@ -160,7 +160,7 @@ def test_what_moved_in_a_gap_is_no_known_past(memory):
 
 def test_too_little_fails(memory):
     """An empty memory says how many rows there are; one that makes no sense is refused."""
-    with pytest.raises(InputError, match='memory: only 0 rows'):
+    with pytest.raises(InputError, match='memory: 0 rows with a number'):
         memory.measurement()
     with pytest.raises(InputError, match='two rows in a stretch'):
         Memory(('mu1',), (LIMIT,), rate=2.0, stretch=0.5)
