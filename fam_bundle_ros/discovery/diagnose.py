@@ -125,7 +125,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     further = next_experiment(fitter, posterior, finding, answer, chosen, ties, trades, shapes,
                               base)
     return Diagnosis(
-        verdict=finding.verdict, model=model, measurement=comparison.measurement,
+        verdict=finding.verdict, model=model, measurement=searched.measurement,
         summary=summarise(finding, answer, found, ties, trades, base, shapes,
                           {**error, 'noise': noise.value,
                            'used': error_of_used(cells, best, error['best'])}),
@@ -258,6 +258,12 @@ class Searched:
             data = jump.undone(data)
         options = Options.of(model, reduce(model, data), choices, lengths)
         return cls(comparison, data, offsets, jump, Search(options, progress))
+
+    @property
+    def measurement(self) -> Measurement:
+        """The rows as they were read, but without the jump of a reading."""
+        measured = self.comparison.measurement
+        return self.jump.undone(measured) if self.jump else measured
 
     @cached_property
     def change(self) -> TwoModels | None:

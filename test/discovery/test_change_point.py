@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
+from fam_bundle_ros.discovery.add import add_effect
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.change_point import two_models
 from fam_bundle_ros.discovery.diagnose import diagnose
@@ -156,6 +157,9 @@ def test_an_effect_is_found_in_a_log_that_jumps(make_sweeps, paper_muscle):
     assert any('on the force reads' in note for note in found.notes)
     assert found.error_N['best'] == pytest.approx(0.6, abs=0.1)  # the noise
     assert found.error_N['model'] > 3.0  # of the readings as they are
+    added = add_effect(paper_muscle, found, found.measurement)
+    assert added.model.effect('coulomb_friction').values['force'] == pytest.approx(
+        true.effect('coulomb_friction').values['force'], rel=0.05)
 
 
 def test_another_muscle_is_no_jump_of_a_reading(make_sweeps, paper_muscle):
