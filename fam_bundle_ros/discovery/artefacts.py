@@ -25,9 +25,6 @@ from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fit, Fitter
 from fam_bundle_ros.told import number
 
-#: Places over the range of strain and of each pressure, to which a motion returns.
-_PLACES = 20
-
 
 class Artefact(NamedTuple):
     """An error caused by how the data were taken."""
@@ -87,10 +84,7 @@ def _over_time(covariance: Covariance, fit: Fit) -> tuple[float, float]:
     """Return the drift and the whole function of time in the discrepancy, N rms."""
     slow = fit.hyper._replace(even=0, odd=0, speed=0)
     found, cells = covariance.mean_of(slow, fit.hyper, fit.residual), covariance.cells
-    steps = np.column_stack([cells.strain / cells.strain_range,
-                             cells.pressure / cells.pressure_range])
-    _, place = np.unique(np.round(steps * _PLACES), axis=0, return_inverse=True)
-    whole, (apart, again) = rms(found), _within(place.ravel(), found)
+    whole, (apart, again) = rms(found), _within(cells.place, found)
     return (min(whole, apart) if again else whole), whole
 
 

@@ -47,6 +47,8 @@ from fam_bundle_ros.model import Bundle, Motion
 
 #: Numbers of bins over the range of strain and pressure to try, finest first.
 _BINS = (60, 40, 30, 24, 20, 16, 12, 10)
+#: Places over the range of strain and of each pressure, to which a motion returns.
+_PLACES = 20
 #: Blocks of rows per cell: for a parabola over the range, in cells of 1/10 of it, the error of a
 #: cell's mean is 5e-5 of the change of the force.
 _BLOCKS = 4
@@ -150,6 +152,13 @@ class Cells:
     def both_ways(self) -> bool:
         """Whether there are cells of both directions of motion."""
         return bool((self.direction > 0).any() and (self.direction < 0).any())
+
+    @cached_property
+    def place(self) -> np.ndarray:
+        """The place among `_PLACES` of strain and of each pressure of every cell, (n,) int."""
+        steps = np.column_stack([self.strain / self.strain_range,
+                                 self.pressure / self.pressure_range])
+        return np.unique(np.round(steps * _PLACES), axis=0, return_inverse=True)[1].ravel()
 
     @cached_property
     def mean(self) -> Callable[[np.ndarray], np.ndarray]:

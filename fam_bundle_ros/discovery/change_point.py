@@ -78,7 +78,8 @@ class Places:
         name = cells.data.trial_names[int(cells.trial[after])]
         if cells.trial[after] != cells.trial[before]:
             return f'trial {name} ({cells.time[after]:.4g} s)'
-        return f'{cells.time[after]:.4g} s' + (f' of trial {name}' if np.ptp(cells.trial) else '')
+        within = f' of trial {name}' if np.ptp(cells.trial) else ''
+        return f'about {cells.time[after]:.4g} s{within}'
 
     def log_prior(self, search: Search) -> float:
         """Return the log prior odds of one change at one place."""

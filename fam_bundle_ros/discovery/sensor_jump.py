@@ -6,12 +6,15 @@ A reading that jumps by a constant during a log: a load cell that was tared, a c
 The jump is an offset of a sensor, as the catalogue's laws have it, in the rows after one place.
 It is compared with effects as every change is (`change_point`): beside the most probable set of
 them, or in place of some of these. A drift of the sensor and a law that makes up for it may follow
-a jump, and would be named.
+a jump, and would be named. Returns to the same strain, pressures and direction of motion must show
+it too: between isobars that were run once a jump is like an unknown effect of the pressure. And it
+must be more probable than an offset that comes gradually, as that of a gauge that warms up.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +31,9 @@ from fam_bundle_ros.discovery.priors import Prior
 from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import Law, Place
 from fam_bundle_ros.units import express
+
+#: Time constants of an offset that comes gradually, as shares of the log.
+_GRADUAL = 0.5 ** np.arange(6)
 
 
 @dataclass(frozen=True)
@@ -69,8 +75,8 @@ class Jump:
             f'from {self.where} on the {self.quantity} reads {size} '
             f'{"more" if self.size > 0 else "less"} than before (corrected here): a sensor that '
             'was set to zero again, or something that slipped',
-            f'correct the {self.quantity} of these rows, or diagnose those before and after by '
-            'themselves')
+            f'correct the {self.quantity} of these rows before adding an effect, or diagnose '
+            'those before and after by themselves')
 
     def undone(self, data: Measurement) -> Measurement:
         """Return a measurement without the jump."""
@@ -85,7 +91,8 @@ def sensor_jump(search: Search) -> Jump | None:
 
     It is tried beside the most probable set and in place of its effects, at the place where the
     evidence of the linear model without a discrepancy is highest. The likeliest one is subtracted
-    and its set fitted again: the force is not linear in a large jump of strain or pressure.
+    and its set fitted again: the force is not linear in a large jump of strain or pressure. Then
+    it is compared with offsets of all sensors that come gradually, beside the same sets.
     """
     places, options = places_of(search), search.options
     if places is None:
@@ -93,21 +100,45 @@ def sensor_jump(search: Search) -> Jump | None:
     rows = places.cells.data
     if len(rows) < places.cells.rows and not _runs_on(rows):
         return None  # rows that were averaged have no number in the log
-    best = set(options.changes(search.best.names))
-    found = [(_beside(search, places, search.fitter, fit, name), fit)
-             for fit in search.fits.values() if best.issuperset(options.changes(fit.names))
-             for name in _offsets(options)]
-    if not found:
+    best, names = set(options.changes(search.best.names)), _offsets(options)
+    fits = [fit for fit in search.fits.values() if best.issuperset(options.changes(fit.names))]
+    tried = [_beside(search, places, search.fitter, fit, name) for fit in fits for name in names]
+    if not tried:
         return None
-    jump, fit = max(found, key=lambda pair: pair[0].log_odds)
-    if jump.log_odds <= 0.0:
+    first = max(tried, key=lambda each: each.jump.log_odds)
+    if first.jump.log_odds <= 0.0:
         return None
-    cells = _without(places.cells, jump)
+    cells, fit = _without(places.cells, first.jump), first.fit
     covariance = search.fitter.covariance
     fitter = Fitter(Covariance(cells, covariance.unexplained, places.cells.force_sd))
     again = fitter.fit(fit.names, options.bundle(fit.names), fit.priors, fit.log_prior)
-    return max(jump, _beside(search, places, fitter, again, jump.law.name, jump),
-               key=lambda each: each.log_odds)
+    found = max(first, _beside(search, places, fitter, again, first.jump.law.name, first.jump),
+                key=lambda each: each.jump.log_odds)
+    gradual = np.max([_gradual(search, fit, name) for fit in fits for name in names], axis=0)
+    odds = np.append(found.posterior - gradual + np.log((len(_GRADUAL) + 1) / len(places.all)),
+                     found.seen_again + places.log_prior(search))
+    return found.jump if odds.min() > 0.0 else None
+
+
+class _Tried(NamedTuple):
+    """
+    A jump beside a set of effects.
+
+    Attributes
+    ----------
+    jump : Jump
+    fit : Fit
+        The set without the jump.
+    posterior : ndarray, shape (2,)
+        Log posteriors of both together, with a discrepancy and without one.
+    seen_again : float
+        See `_seen_again`.
+    """
+
+    jump: Jump
+    fit: Fit
+    posterior: np.ndarray
+    seen_again: float
 
 
 def _runs_on(data: Measurement) -> bool:
@@ -128,7 +159,7 @@ def _offsets(options: Options) -> list[str]:
 
 
 def _beside(search: Search, places: Places, fitter: Fitter, fit: Fit, name: str,
-            known: Jump | None = None) -> Jump:
+            known: Jump | None = None) -> _Tried:
     """
     Return the most probable jump of a reading beside one set of effects.
 
@@ -144,16 +175,56 @@ def _beside(search: Search, places: Places, fitter: Fitter, fit: Fit, name: str,
     prior, column = _offset(search.options, fitter, fit, name)
     place = known.place if known else _likeliest(places, fitter, fit, column)
     begun = known.size / prior.width if known else 0.0
-    at = Linear.of((prior, *fit.priors), np.append(begun, fit.u), fit.residual,
-                   np.column_stack([column * places.after(place), fit.slopes]))
-    white = max(log_evidence(fitter.covariance, Hyper(white=w), at) for w in COOLING)
-    hyper, whole = fitter.best_hyper(fit.hyper, at)
-    log_odds = (min(np.array([whole, white]) + against(search)) + fit.log_prior
-                + places.log_prior(search) - np.log(len(_offsets(search.options))))
-    return Jump(search.options.effects[name].law,
-                prior.width * _first_coordinate(fitter, hyper, at), place,
+    column = column * places.after(place)
+    posterior, coordinate = _with_column(fitter, fit, prior, column, begun)
+    log_odds = (np.min(posterior + against(search)) + places.log_prior(search)
+                - np.log(len(_offsets(search.options))))
+    jump = Jump(search.options.effects[name].law, prior.width * coordinate, place,
                 float(_clock(places.cells.data)[places.row(place)]), places.where(place),
                 float(log_odds))
+    return _Tried(jump, fit, posterior,
+                  _seen_again(fitter, fit.residual + begun * column, column))
+
+
+def _gradual(search: Search, fit: Fit, name: str) -> np.ndarray:
+    """
+    Return the highest log posteriors, (2,), of a gradual offset of a sensor beside a set.
+
+    It approaches its value exponentially, or grows in proportion to time.
+    """
+    prior, column = _offset(search.options, search.fitter, fit, name)
+    cells = search.fitter.cells
+    time = cells.mean(_clock(cells.data))
+    share = (time - time.min()) / np.ptp(time)
+    shapes = [share, *(1.0 - np.exp(-share / constant) for constant in _GRADUAL)]
+    return np.max([_with_column(search.fitter, fit, prior, column * shape)[0]
+                   for shape in shapes], axis=0)
+
+
+def _with_column(fitter: Fitter, fit: Fit, prior: Prior, column: np.ndarray, begun: float = 0.0,
+                 ) -> tuple[np.ndarray, float]:
+    """
+    Return the log posteriors of a fit with one more column, and the coordinate of this.
+
+    Parameters
+    ----------
+    prior : Prior
+        Of the coordinate.
+    column : ndarray, shape (n,), N
+    begun : float
+        The coordinate in the residual of the fit.
+
+    Returns
+    -------
+    posterior : ndarray, shape (2,)
+        With a discrepancy and without one.
+    coordinate : float
+    """
+    at = Linear.of((prior, *fit.priors), np.append(begun, fit.u), fit.residual,
+                   np.column_stack([column, fit.slopes]))
+    white = max(log_evidence(fitter.covariance, Hyper(white=w), at) for w in COOLING)
+    hyper, whole = fitter.best_hyper(fit.hyper, at)
+    return np.array([whole, white]) + fit.log_prior, _first_coordinate(fitter, hyper, at)
 
 
 def _offset(options: Options, fitter: Fitter, fit: Fit, name: str) -> tuple[Prior, np.ndarray]:
@@ -187,6 +258,27 @@ def _likeliest(places: Places, fitter: Fitter, fit: Fit, column: np.ndarray) -> 
         found = np.maximum(found, log_evidence(fitter.covariance, h, own)
                            + 0.5 * shared ** 2 / size - 0.5 * np.log(size))
     return places.all[int(np.argmax(found))]
+
+
+def _seen_again(fitter: Fitter, residual: np.ndarray, column: np.ndarray) -> float:
+    """
+    Return the log Bayes factor of a column beside any function of place and direction.
+
+    Residual and column, (n,), N, without their means at each strain, pressures and direction, with
+    the white misfit that is most probable for either.
+    """
+    cells = fitter.cells
+    visited = np.unique(np.column_stack([cells.place, cells.direction]), axis=0,
+                        return_inverse=True)[1].ravel()
+    both = np.stack([residual, column])
+    mean = np.stack([np.bincount(visited, each) for each in both]) / np.bincount(visited)
+    apart, beside = both - mean[:, visited]
+    variance = cells.variance + np.array(
+        [[fitter.covariance.variance(white)] for white in COOLING])
+    alone = -0.5 * np.sum(apart ** 2 / variance + np.log(variance), axis=1)
+    size = np.sum(beside ** 2 / variance, axis=1) + 1.0
+    shared = np.sum(apart * beside / variance, axis=1)
+    return float(np.max(alone + 0.5 * shared ** 2 / size - 0.5 * np.log(size)) - np.max(alone))
 
 
 def _first_coordinate(fitter: Fitter, h: Hyper, at: Linear) -> float:

@@ -64,7 +64,7 @@ def test_the_place_of_the_exchange_is_told(make_sweeps, paper_muscle, first, pla
     where = words[len(WORDS) + 1:].partition(', and')[0]
     assert place in where
     if 's of' in where:
-        assert float(where.split()[0]) == pytest.approx(data.time[first], abs=1.5)
+        assert float(where.split()[1]) == pytest.approx(data.time[first], abs=1.5)
 
 
 def test_the_place_is_told_where_the_clock_starts_anew_in_each_trial(make_sweeps, paper_muscle):
@@ -160,6 +160,22 @@ def test_an_effect_is_found_in_a_log_that_jumps(make_sweeps, paper_muscle):
     added = add_effect(paper_muscle, found, found.measurement)
     assert added.model.effect('coulomb_friction').values['force'] == pytest.approx(
         true.effect('coulomb_friction').values['force'], rel=0.05)
+
+
+@pytest.mark.parametrize('warm', [5.0, 20.0, 60.0])
+def test_a_load_cell_that_warms_up_does_not_jump(make_sweeps, paper_muscle, warm):
+    """Its offset comes gradually, in this time (s)."""
+    data = make_sweeps(noise=0.2, extra=lambda strain, pressure, way, time: 4.0 * (
+        1.0 - np.exp(-time / warm)))
+    assert sensor_jump(searched(paper_muscle, data)) is None
+
+
+@pytest.mark.parametrize('cycles', [1, 2])
+def test_an_effect_of_the_pressure_is_no_jump(make_sweeps, paper_muscle, cycles):
+    """In isobars run once, in ascending order, the force steps at one time as at one pressure."""
+    data = make_sweeps(noise=0.2, cycles=cycles, extra=lambda strain, pressure, way, time: 3.0 * (
+        pressure > 2e5))
+    assert sensor_jump(searched(paper_muscle, data)) is None
 
 
 def test_another_muscle_is_no_jump_of_a_reading(make_sweeps, paper_muscle):
