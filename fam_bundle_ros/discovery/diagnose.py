@@ -195,15 +195,15 @@ class Searched:
     data : Measurement
         Without offsets between the trials of a map, and without the jump of a reading.
     offsets : Offsets or None
-    jump : Jump or None
     search : Search
+    jump : Jump or None
     """
 
     comparison: Comparison
     data: Measurement
     offsets: Offsets | None
-    jump: Jump | None
     search: Search
+    jump: Jump | None = None
 
     @classmethod
     def of(cls, model: Bundle, measurement: Measurement, choices: Choices,
@@ -257,7 +257,7 @@ class Searched:
         if jump:
             data = jump.undone(data)
         options = Options.of(model, reduce(model, data), choices, lengths)
-        return cls(comparison, data, offsets, jump, Search(options, progress))
+        return cls(comparison, data, offsets, Search(options, progress), jump)
 
     @property
     def measurement(self) -> Measurement:
