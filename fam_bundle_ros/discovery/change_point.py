@@ -29,19 +29,28 @@ from fam_bundle_ros.told import number
 
 
 @dataclass(frozen=True)
-class Places:
+class ChangePoints:
     """
-    The places of a log at which something may have changed: between two of its cells.
+    The points of a log at which something may have changed: between two of its cells.
+
+    A point is the number of cells before it.
 
     Attributes
     ----------
     cells : Cells
     least : int
-        Number of cells before the first place and after the last one.
+        Number of cells before the first point and after the last one.
     """
 
     cells: Cells
     least: int
+
+    @classmethod
+    def of(cls, search: Search) -> ChangePoints | None:
+        """Return those of a log, or None for a map and for too few cells for two models."""
+        cells = search.fitter.cells
+        least = len(search.null.priors) + 1  # fewer cells determine no model
+        return None if cells.time is None or len(cells) < 2 * least else cls(cells, least)
 
     @cached_property
     def order(self) -> np.ndarray:
@@ -49,49 +58,45 @@ class Places:
         return np.argsort(self.cells.mean(np.arange(len(self.cells.label), dtype=float)))
 
     @cached_property
-    def rank(self) -> np.ndarray:
+    def before(self) -> np.ndarray:
         """The number of cells before each, (n,) int."""
         return np.argsort(self.order)
 
     @property
-    def all(self) -> range:
-        """Places: the number of cells before each."""
+    def points(self) -> range:
+        """All points."""
         return range(self.least, len(self.cells) - self.least + 1)
 
-    def after(self, first: int) -> np.ndarray:
-        """Return which cells come after a place, (n,) bool."""
-        return self.rank >= first
+    def after(self, point: int) -> np.ndarray:
+        """Return which cells come after a point, (n,) bool."""
+        return self.before >= point
 
-    def row(self, first: int) -> int:
-        """Return the row at a place: the first one of a trial, if one begins there."""
+    def rows(self, point: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows of the cell before a point, and those of the cell after it."""
         before, after = (np.flatnonzero(self.cells.label == cell)
-                         for cell in self.order[first - 1:first + 1])
+                         for cell in self.order[point - 1:point + 1])
+        return before, after
+
+    def row(self, point: int) -> int:
+        """Return the row at a point: the first one of a trial, if one begins there."""
+        before, after = self.rows(point)
         start = np.flatnonzero(self.cells.data.start)
         between = start[(start > before[-1]) & (start <= after[0])]
         return int(between[0] if len(between) else after[0])
 
-    def where(self, first: int) -> str:
-        """Return the words for a place."""
-        before, after = self.order[first - 1:first + 1]
-        cells = self.cells
-        assert cells.time is not None
-        name = cells.data.trial_names[int(cells.trial[after])]
-        if cells.trial[after] != cells.trial[before]:
-            return f'trial {name} ({cells.time[after]:.4g} s)'
-        within = f' of trial {name}' if np.ptp(cells.trial) else ''
-        return f'about {cells.time[after]:.4g} s{within}'
+    def where(self, row: int) -> str:
+        """Return the words for a row: its time, and its trial if there are several."""
+        data = self.cells.data
+        assert data.time is not None
+        time, name = f'{data.time[row]:.4g} s', data.trial_names[int(data.trial[row])]
+        if data.start[row]:
+            return f'trial {name} ({time})'
+        return time + (f' of trial {name}' if np.ptp(data.trial) else '')
 
     def log_prior(self, search: Search) -> float:
-        """Return the log prior odds of one change at one place."""
+        """Return the log prior odds of one change at one point."""
         share = search.options.choices.inclusion
-        return float(np.log(share / (1.0 - share) / len(self.all)))
-
-
-def places_of(search: Search) -> Places | None:
-    """Return the places of a log, or None for a map and for too few cells for two models."""
-    cells = search.fitter.cells
-    least = len(search.null.priors) + 1  # fewer cells determine no model
-    return None if cells.time is None or len(cells) < 2 * least else Places(cells, least)
+        return float(np.log(share / (1.0 - share) / len(self.points)))
 
 
 @dataclass(frozen=True)
@@ -109,19 +114,20 @@ def two_models(search: Search) -> TwoModels | None:
     Its place is that of the highest evidence of the model as given, linearised at its fit to all
     cells; there it is fitted to each part by itself.
     """
-    places = places_of(search)
-    if places is None:
+    changes = ChangePoints.of(search)
+    if changes is None:
         return None
-    null, covariance, cells = search.null, search.fitter.covariance, places.cells
+    null, covariance, cells = search.null, search.fitter.covariance, changes.cells
 
     def linear(gone: np.ndarray) -> float:
         part = covariance.without(gone)
         return max(log_evidence(part, Hyper(white=white), null.linear) for white in COOLING)
 
-    first = max(places.all, key=lambda k: linear(places.after(k)) + linear(~places.after(k)))
-    log_odds = against(search) + null.log_prior + places.log_prior(search)
+    after = changes.after(max(changes.points, key=lambda point: linear(
+        changes.after(point)) + linear(~changes.after(point))))
+    log_odds = null.log_prior + changes.log_prior(search) - best_posteriors(search)
     left, used = [], cells.label >= 0
-    for gone in (places.after(first), ~places.after(first)):
+    for gone in (after, ~after):
         part = Fitter(covariance.without(gone))
         fit = part.fit(null.names, null.model, null.priors)
         alone = part.without_discrepancy(fit)
@@ -129,16 +135,17 @@ def two_models(search: Search) -> TwoModels | None:
         left.append(cells.residual_of_rows(alone.model)[used & ~gone[cells.label]])
     if log_odds.min() <= 0.0:
         return None
+    where = changes.where(changes.row(int((~after).sum())))
     error, digits = number(rms(np.concatenate(left)), 2), int(log_odds.min() / np.log(10.0))
     return TwoModels(float(log_odds.min()), Artefact(
-        f'one model for the rows before {places.where(first)}, and another from there on, leave '
+        f'one model for the rows before {where}, and another from there on, leave '
         f'{error} N and are more probable than any effects (odds above 1e{digits} to 1): two '
         'muscles in one file, something on the rig that was changed, or a muscle that changed as '
         'no effect describes',
         'diagnose the rows before and after this by themselves'))
 
 
-def against(search: Search) -> np.ndarray:
-    """Return minus the best log posterior of effects, with a discrepancy and without it, (2,)."""
-    return -np.array([search.best.posterior,
-                      max(fit.white_posterior for fit in search.fits.values())])
+def best_posteriors(search: Search) -> np.ndarray:
+    """Return the best log posteriors of effects, with a discrepancy and without it, (2,)."""
+    return np.array([search.best.posterior,
+                     max(fit.white_posterior for fit in search.fits.values())])

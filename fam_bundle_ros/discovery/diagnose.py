@@ -26,7 +26,7 @@ from fam_bundle_ros.data.measurement import Measurement
 from fam_bundle_ros.data.trial_offsets import Offsets, trial_offsets
 from fam_bundle_ros.discovery import settings
 from fam_bundle_ros.discovery.add import recommend
-from fam_bundle_ros.discovery.artefacts import Artefact, artefacts
+from fam_bundle_ros.discovery.artefacts import artefacts
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.change_point import two_models, TwoModels
 from fam_bundle_ros.discovery.choice import (
@@ -125,7 +125,7 @@ def diagnose(model: Bundle, measurement: Any, *, progress: Progress = None,
     further = next_experiment(fitter, posterior, finding, answer, chosen, ties, trades, shapes,
                               base)
     return Diagnosis(
-        verdict=finding.verdict, model=model, measurement=searched.measurement,
+        verdict=finding.verdict, model=model, measurement=comparison.measurement,
         summary=summarise(finding, answer, found, ties, trades, base, shapes,
                           {**error, 'noise': noise.value,
                            'used': error_of_used(cells, best, error['best'])}),
@@ -193,10 +193,12 @@ class Searched:
     comparison : Comparison
         With the model as given.
     data : Measurement
-        Without offsets between the trials of a map, and without the jump of a reading.
+        Without offsets between the trials of a map.
     offsets : Offsets or None
+        These offsets.
     search : Search
     jump : Jump or None
+        That was subtracted from the measurement.
     """
 
     comparison: Comparison
@@ -213,7 +215,7 @@ class Searched:
 
         Where the clock runs on between trials, the muscle may remember the trial before, or not
         (it was set anew): the search is that of the assumption under which the data are more
-        probable. If a reading jumps during the log, it is corrected and the search begins anew.
+        probable. If a reading jumps during the log, this is subtracted and the search begins anew.
         """
         told = 0.0
 
@@ -223,13 +225,13 @@ class Searched:
                 told = share
                 progress(share, words)
 
-        def begun(data: Measurement, jump: Jump | None = None) -> Searched:
-            return cls._begun(model, data, choices, ahead, lengths, jump)
+        def begun(data: Measurement) -> Searched:
+            return cls._begun(model, data, choices, ahead, lengths)
 
         found = cls._likeliest(measurement, begun)
         jump = sensor_jump(found.search)
         if jump and not (found.change and found.change.log_odds > jump.log_odds):
-            found = begun(measurement if found.data.remembers else measurement.afresh(), jump)
+            found = replace(begun(jump.undone(found.comparison.measurement)), jump=jump)
             found.search.run()
         return found
 
@@ -251,19 +253,11 @@ class Searched:
 
     @classmethod
     def _begun(cls, model: Bundle, measurement: Measurement, choices: Choices,
-               progress: Progress, lengths: int, jump: Jump | None) -> Searched:
+               progress: Progress, lengths: int) -> Searched:
         comparison = compare(model, measurement, choose_past=False)
         data, offsets = _tared(comparison.measurement, comparison.residual)
-        if jump:
-            data = jump.undone(data)
         options = Options.of(model, reduce(model, data), choices, lengths)
-        return cls(comparison, data, offsets, Search(options, progress), jump)
-
-    @property
-    def measurement(self) -> Measurement:
-        """The rows as they were read, but without the jump of a reading."""
-        measured = self.comparison.measurement
-        return self.jump.undone(measured) if self.jump else measured
+        return cls(comparison, data, offsets, Search(options, progress))
 
     @cached_property
     def change(self) -> TwoModels | None:
@@ -321,15 +315,13 @@ class Searched:
                 likely: bool, refusals: Sequence[str] = ()) -> Judged:
         fitter, null = self.search.fitter, self.search.null
         base = fitter.without_discrepancy(null) if likely else physics
-        beside: tuple[Artefact, ...] = (self.jump.artefact,) if self.jump else ()
+        beside = ((self.change.artefact,) if self.change else
+                  artefacts(fitter, chosen, physics, self.comparison.noise, self.offsets))
         if self.change:
-            beside = (*beside, self.change.artefact)
             refusals = (*refusals, self.change.artefact.words)
-        else:
-            beside = (*beside, *artefacts(fitter, chosen, physics, self.comparison.noise,
-                                          self.offsets))
         finding = judge(self.search, base, chosen, physics, found, held, beside, likely,
-                        self.comparison.slips, refusals)
+                        self.comparison.slips, refusals,
+                        (self.jump.words,) if self.jump else ())
         if finding.verdict == 'unexplained' and found:
             held = held_out(fitter, base, null)
         return Judged(chosen, found, physics, base, held, finding)

@@ -171,7 +171,7 @@ class Diagnosis(Answer):
     verdict : str
         One of `VERDICTS`.
     measurement : Measurement
-        The rows as they were read; if a reading jumped during the log, without the jump.
+        The rows that were judged: if a reading jumped during the log, without the jump.
     summary : str
         The verdict in a sentence.
     effects, shapes : tuple of str

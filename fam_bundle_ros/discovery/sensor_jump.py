@@ -14,14 +14,12 @@ must be more probable than an offset that comes gradually, as that of a gauge th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from fam_bundle_ros.data.measurement import Measurement
-from fam_bundle_ros.discovery.artefacts import Artefact
 from fam_bundle_ros.discovery.cells import Cells
-from fam_bundle_ros.discovery.change_point import against, Places, places_of
+from fam_bundle_ros.discovery.change_point import best_posteriors, ChangePoints
 from fam_bundle_ros.discovery.covariance import Covariance, Hyper
 from fam_bundle_ros.discovery.fitter import COOLING, Fit, Fitter
 from fam_bundle_ros.discovery.linear import Linear, log_evidence
@@ -32,7 +30,7 @@ from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.model import Law, Place
 from fam_bundle_ros.units import express
 
-#: Time constants of an offset that comes gradually, as shares of the log.
+#: Grid of the time constants of an offset that comes gradually, as shares of the log.
 _GRADUAL = 0.5 ** np.arange(6)
 
 
@@ -46,18 +44,16 @@ class Jump:
     law : Law
         Of a sensor that is off by a constant.
     size : float, SI
-    place : int
-        Number of cells before it.
     begin : float
         `_clock` of the first row after it.
     where : str
+        This row in words.
     log_odds : float
         Against the most probable set of effects without it.
     """
 
     law: Law
     size: float
-    place: int
     begin: float
     where: str
     log_odds: float
@@ -68,77 +64,120 @@ class Jump:
         return self.law.parts[0].changes
 
     @property
-    def artefact(self) -> Artefact:
-        """The jump in words, with what to do about it."""
+    def words(self) -> str:
+        """The jump, that it was subtracted, and what to do about it."""
         size = express(abs(self.size), self.law.parameters[0].unit, 2)
-        return Artefact(
-            f'from {self.where} on the {self.quantity} reads {size} '
-            f'{"more" if self.size > 0 else "less"} than before (corrected here): a sensor that '
-            'was set to zero again, or something that slipped',
-            f'correct the {self.quantity} of these rows before adding an effect, or diagnose '
-            'those before and after by themselves')
+        return (f'from {self.where} on the {self.quantity} reads {size} '
+                f'{"more" if self.size > 0 else "less"} than before, as if a sensor had been set '
+                'to zero again or something had slipped (subtracted here; correct these rows of '
+                'the file before you add effects)')
 
     def undone(self, data: Measurement) -> Measurement:
-        """Return a measurement without the jump."""
-        after = _clock(data) >= self.begin
-        values = getattr(data, self.quantity)
-        return replace(data, **{self.quantity: (values.T - self.size * after).T})
+        """Return a measurement without the jump, with a note on it."""
+        left = _shifted(data, self.quantity, -self.size * (_clock(data) >= self.begin))
+        return replace(left, notes=(*data.notes, self.words))
+
+
+@dataclass(frozen=True)
+class _Offset:
+    """
+    An offset of a sensor beside a set of effects.
+
+    Attributes
+    ----------
+    law : Law
+    fit : Fit
+        The set without it.
+    fitter : Fitter
+        With its cells the set was fitted.
+    prior : Prior
+    slope : ndarray, shape (n,), N
+        Of the predicted force in the coordinate of the offset.
+    taken : float
+        Coordinate of the jump that was subtracted from these cells.
+    """
+
+    law: Law
+    fit: Fit
+    fitter: Fitter
+    prior: Prior
+    slope: np.ndarray
+    taken: float = 0.0
+
+    @classmethod
+    def of(cls, options: Options, law: Law, fit: Fit, fitter: Fitter) -> _Offset:
+        """Return the offset with its slope at the fit."""
+        names = tuple(sorted({*fit.names, law.name}))
+        priors = options.priors(names)
+        u = np.array([fit.start.get(prior.key, 0.0) for prior in priors])
+        own = next(k for k, prior in enumerate(priors) if prior.key.startswith(f'{law.name}.'))
+        _, slopes = fitter.linearised(options.bundle(names), priors, u)
+        return cls(law, fit, fitter, priors[own], slopes[:, own])
+
+    def beside(self, shape: np.ndarray) -> Linear:
+        """Return the linear model of the set with the offset times a shape, (n,), first."""
+        fit = self.fit
+        return Linear.of((self.prior, *fit.priors), np.append(self.taken, fit.u), fit.residual,
+                         np.column_stack([self.slope * shape, fit.slopes]))
+
+    def posterior(self, shape: np.ndarray) -> np.ndarray:
+        """Return the log posterior of that, with a discrepancy and without one, (2,)."""
+        at = self.beside(shape)
+        white = max(log_evidence(self.fitter.covariance, Hyper(white=w), at) for w in COOLING)
+        return self.fit.log_prior + np.array([self._hyper(at)[1], white])
+
+    def coordinate(self, shape: np.ndarray) -> float:
+        """Return the most probable coordinate of the offset."""
+        at = self.beside(shape)
+        k = len(at.own)
+        stacked = np.concatenate([self.fitter.covariance.whiten(self._hyper(at)[0], at.columns),
+                                  np.eye(k, k + 1)])
+        return float(np.linalg.lstsq(stacked[:, :k], stacked[:, k], rcond=None)[0][0])
+
+    def _hyper(self, at: Linear) -> tuple[Hyper, float]:
+        return self.fitter.best_hyper(self.fit.hyper, at)
 
 
 def sensor_jump(search: Search) -> Jump | None:
     """
     Return the jump of a reading that is more probable than every set of effects, or None.
 
-    It is tried beside the most probable set and in place of its effects, at the place where the
+    It is tried beside the most probable set and in place of its effects, at the point where the
     evidence of the linear model without a discrepancy is highest. The likeliest one is subtracted
     and its set fitted again: the force is not linear in a large jump of strain or pressure. Then
     it is compared with offsets of all sensors that come gradually, beside the same sets.
     """
-    places, options = places_of(search), search.options
-    if places is None:
+    changes, options = ChangePoints.of(search), search.options
+    if changes is None:
         return None
-    rows = places.cells.data
-    if len(rows) < places.cells.rows and not _runs_on(rows):
+    cells = changes.cells
+    if len(cells.data) < cells.rows and not _runs_on(cells.data):
         return None  # rows that were averaged have no number in the log
-    best, names = set(options.changes(search.best.names)), _offsets(options)
-    fits = [fit for fit in search.fits.values() if best.issuperset(options.changes(fit.names))]
-    tried = [_beside(search, places, search.fitter, fit, name) for fit in fits for name in names]
-    if not tried:
+    best, laws = set(options.changes(search.best.names)), _laws(options)
+    offsets = [_Offset.of(options, law, fit, search.fitter) for fit in search.fits.values()
+               if best.issuperset(options.changes(fit.names)) for law in laws]
+    if not offsets:
         return None
-    first = max(tried, key=lambda each: each.jump.log_odds)
-    if first.jump.log_odds <= 0.0:
+
+    def log_odds(offset: _Offset, point: int) -> float:
+        gain = offset.posterior(changes.after(point)) - best_posteriors(search)
+        return float(gain.min()) + changes.log_prior(search) - np.log(len(laws))
+
+    tried = [(offset, _likeliest(offset, changes)) for offset in offsets]
+    offset, point = max(tried, key=lambda each: log_odds(*each))
+    if log_odds(offset, point) <= 0.0:
         return None
-    cells, fit = _without(places.cells, first.jump), first.fit
-    covariance = search.fitter.covariance
-    fitter = Fitter(Covariance(cells, covariance.unexplained, places.cells.force_sd))
-    again = fitter.fit(fit.names, options.bundle(fit.names), fit.priors, fit.log_prior)
-    found = max(first, _beside(search, places, fitter, again, first.jump.law.name, first.jump),
-                key=lambda each: each.jump.log_odds)
-    gradual = np.max([_gradual(search, fit, name) for fit in fits for name in names], axis=0)
-    odds = np.append(found.posterior - gradual + np.log((len(_GRADUAL) + 1) / len(places.all)),
-                     found.seen_again + places.log_prior(search))
-    return found.jump if odds.min() > 0.0 else None
-
-
-class _Tried(NamedTuple):
-    """
-    A jump beside a set of effects.
-
-    Attributes
-    ----------
-    jump : Jump
-    fit : Fit
-        The set without the jump.
-    posterior : ndarray, shape (2,)
-        Log posteriors of both together, with a discrepancy and without one.
-    seen_again : float
-        See `_seen_again`.
-    """
-
-    jump: Jump
-    fit: Fit
-    posterior: np.ndarray
-    seen_again: float
+    offset = max(offset, _again(search, offset, changes, point),
+                 key=lambda each: log_odds(each, point))
+    after = changes.after(point)
+    sudden = (offset.posterior(after) - _gradual(offsets)
+              + np.log((len(_GRADUAL) + 1) / len(changes.points)))
+    if min(*sudden, _seen_again(offset, after) + changes.log_prior(search)) <= 0.0:
+        return None
+    coordinate = offset.coordinate(after)
+    row = _row(changes, point, offset, coordinate)
+    return Jump(offset.law, offset.prior.width * coordinate, float(_clock(cells.data)[row]),
+                changes.where(row), log_odds(offset, point))
 
 
 def _runs_on(data: Measurement) -> bool:
@@ -151,147 +190,112 @@ def _clock(data: Measurement) -> np.ndarray:
     return data.clock if _runs_on(data) else np.arange(len(data), dtype=float)
 
 
-def _offsets(options: Options) -> list[str]:
-    """Return the names of the laws of a sensor that is off by a constant."""
-    return [name for name, effect in options.effects.items()
+def _shifted(data: Measurement, quantity: str, by: np.ndarray) -> Measurement:
+    """Return a measurement with readings of a quantity that are larger, (T,), SI."""
+    return replace(data, **{quantity: (getattr(data, quantity).T + by).T})
+
+
+def _laws(options: Options) -> list[Law]:
+    """Return the laws of a sensor that is off by a constant."""
+    return [effect.law for effect in options.effects.values()
             if effect.law.place is Place.SENSOR and not effect.law.variant_of
             and set(effect.law.parts[0].arguments) == set(effect.law.names)]
 
 
-def _beside(search: Search, places: Places, fitter: Fitter, fit: Fit, name: str,
-            known: Jump | None = None) -> _Tried:
+def _likeliest(offset: _Offset, changes: ChangePoints) -> int:
     """
-    Return the most probable jump of a reading beside one set of effects.
-
-    Parameters
-    ----------
-    fitter : Fitter
-        With its cells the set was fitted.
-    name : str
-        Law of the offset.
-    known : Jump, optional
-        A jump that was subtracted from these cells; the returned one is at its place.
-    """
-    prior, column = _offset(search.options, fitter, fit, name)
-    place = known.place if known else _likeliest(places, fitter, fit, column)
-    begun = known.size / prior.width if known else 0.0
-    column = column * places.after(place)
-    posterior, coordinate = _with_column(fitter, fit, prior, column, begun)
-    log_odds = (np.min(posterior + against(search)) + places.log_prior(search)
-                - np.log(len(_offsets(search.options))))
-    jump = Jump(search.options.effects[name].law, prior.width * coordinate, place,
-                float(_clock(places.cells.data)[places.row(place)]), places.where(place),
-                float(log_odds))
-    return _Tried(jump, fit, posterior,
-                  _seen_again(fitter, fit.residual + begun * column, column))
-
-
-def _gradual(search: Search, fit: Fit, name: str) -> np.ndarray:
-    """
-    Return the highest log posteriors, (2,), of a gradual offset of a sensor beside a set.
-
-    It approaches its value exponentially, or grows in proportion to time.
-    """
-    prior, column = _offset(search.options, search.fitter, fit, name)
-    cells = search.fitter.cells
-    time = cells.mean(_clock(cells.data))
-    share = (time - time.min()) / np.ptp(time)
-    shapes = [share, *(1.0 - np.exp(-share / constant) for constant in _GRADUAL)]
-    return np.max([_with_column(search.fitter, fit, prior, column * shape)[0]
-                   for shape in shapes], axis=0)
-
-
-def _with_column(fitter: Fitter, fit: Fit, prior: Prior, column: np.ndarray, begun: float = 0.0,
-                 ) -> tuple[np.ndarray, float]:
-    """
-    Return the log posteriors of a fit with one more column, and the coordinate of this.
-
-    Parameters
-    ----------
-    prior : Prior
-        Of the coordinate.
-    column : ndarray, shape (n,), N
-    begun : float
-        The coordinate in the residual of the fit.
-
-    Returns
-    -------
-    posterior : ndarray, shape (2,)
-        With a discrepancy and without one.
-    coordinate : float
-    """
-    at = Linear.of((prior, *fit.priors), np.append(begun, fit.u), fit.residual,
-                   np.column_stack([column, fit.slopes]))
-    white = max(log_evidence(fitter.covariance, Hyper(white=w), at) for w in COOLING)
-    hyper, whole = fitter.best_hyper(fit.hyper, at)
-    return np.array([whole, white]) + fit.log_prior, _first_coordinate(fitter, hyper, at)
-
-
-def _offset(options: Options, fitter: Fitter, fit: Fit, name: str) -> tuple[Prior, np.ndarray]:
-    """Return the prior of a sensor's offset, and the slope of the force in it, (n,), N."""
-    names = tuple(sorted({*fit.names, name}))
-    priors = options.priors(names)
-    u = np.array([fit.start.get(prior.key, 0.0) for prior in priors])
-    own = next(k for k, prior in enumerate(priors) if prior.key.startswith(f'{name}.'))
-    return priors[own], fitter.linearised(options.bundle(names), priors, u)[1][:, own]
-
-
-def _likeliest(places: Places, fitter: Fitter, fit: Fit, column: np.ndarray) -> int:
-    """
-    Return the place from which on one more column, (n,), N, is most probable beside a fit.
+    Return the point from which on an offset is most probable, without a discrepancy.
 
     The evidence of the linear model with one more coordinate, whose prior is standard normal: of
-    all places at once from the QR factors of the fit's own columns.
+    all points at once from the QR factors of the fit's own columns.
     """
-    after = np.stack([places.after(place) for place in places.all], -1)
-    found, own = np.full(after.shape[1], -np.inf), fit.linear
+    after = np.stack([changes.after(point) for point in changes.points], -1)
+    found, own = np.full(after.shape[1], -np.inf), offset.fit.linear
+    covariance = offset.fitter.covariance
     for white in COOLING:
         h = Hyper(white=white)
-        base = fitter.covariance.whiten(h, own.columns)
+        base = covariance.whiten(h, own.columns)
         padded = np.zeros((len(own.own), after.shape[1] + 1))
         q, _ = np.linalg.qr(np.concatenate([base[:, :-1], np.eye(len(own.own))]))
         beside = np.concatenate([np.column_stack([
-            fitter.covariance.whiten(h, column[:, None] * after), base[:, -1]]), padded])
+            covariance.whiten(h, offset.slope[:, None] * after), base[:, -1]]), padded])
         beside -= q @ (q.T @ beside)
         size = np.sum(beside[:, :-1] ** 2, axis=0) + 1.0
         shared = beside[:, :-1].T @ beside[:, -1]
-        found = np.maximum(found, log_evidence(fitter.covariance, h, own)
+        found = np.maximum(found, log_evidence(covariance, h, own)
                            + 0.5 * shared ** 2 / size - 0.5 * np.log(size))
-    return places.all[int(np.argmax(found))]
+    return changes.points[int(np.argmax(found))]
 
 
-def _seen_again(fitter: Fitter, residual: np.ndarray, column: np.ndarray) -> float:
-    """
-    Return the log Bayes factor of a column beside any function of place and direction.
-
-    Residual and column, (n,), N, without their means at each strain, pressures and direction, with
-    the white misfit that is most probable for either.
-    """
-    cells = fitter.cells
-    visited = np.unique(np.column_stack([cells.place, cells.direction]), axis=0,
-                        return_inverse=True)[1].ravel()
-    both = np.stack([residual, column])
-    mean = np.stack([np.bincount(visited, each) for each in both]) / np.bincount(visited)
-    apart, beside = both - mean[:, visited]
-    variance = cells.variance + np.array(
-        [[fitter.covariance.variance(white)] for white in COOLING])
-    alone = -0.5 * np.sum(apart ** 2 / variance + np.log(variance), axis=1)
-    size = np.sum(beside ** 2 / variance, axis=1) + 1.0
-    shared = np.sum(apart * beside / variance, axis=1)
-    return float(np.max(alone + 0.5 * shared ** 2 / size - 0.5 * np.log(size)) - np.max(alone))
+def _again(search: Search, offset: _Offset, changes: ChangePoints, point: int) -> _Offset:
+    """Return the offset beside its set fitted to the cells without the jump."""
+    cells, old, after = changes.cells, offset.fit, changes.after(point)
+    taken = offset.coordinate(after)
+    clock = _clock(cells.data)
+    fitter = Fitter(Covariance(
+        _without(cells, offset.law.parts[0].changes, offset.prior.width * taken * (
+            clock >= clock[changes.row(point)])),
+        search.options.choices.unexplained, cells.force_sd))
+    fit = fitter.fit(old.names, search.options.bundle(old.names), old.priors, old.log_prior)
+    return replace(_Offset.of(search.options, offset.law, fit, fitter), taken=taken)
 
 
-def _first_coordinate(fitter: Fitter, h: Hyper, at: Linear) -> float:
-    """Return the most probable first coordinate of a linear model."""
-    k = len(at.own)
-    stacked = np.concatenate([fitter.covariance.whiten(h, at.columns), np.eye(k, k + 1)])
-    return float(np.linalg.lstsq(stacked[:, :k], stacked[:, k], rcond=None)[0][0])
-
-
-def _without(cells: Cells, jump: Jump) -> Cells:
-    """Return the same cells of a measurement without a jump."""
-    data = jump.undone(cells.data)
+def _without(cells: Cells, quantity: str, jump: np.ndarray) -> Cells:
+    """Return the same cells of a measurement without the jump in each row, (T,), SI."""
+    data = _shifted(cells.data, quantity, -jump)
     strain = cells.mean(data.strain)
     return replace(cells, data=data, motion=motion(data), force=cells.mean(data.force),
                    strain=strain, pressure=cells.mean(data.pressure),
                    strain_coordinate=cells.strain_coordinate + strain - cells.strain)
+
+
+def _gradual(offsets: list[_Offset]) -> np.ndarray:
+    """
+    Return the highest log posteriors, (2,), of an offset that comes gradually.
+
+    It approaches its value exponentially, or grows in proportion to time.
+    """
+    cells = offsets[0].fitter.cells
+    time = cells.mean(_clock(cells.data))
+    share = (time - time.min()) / np.ptp(time)
+    shapes = [share, *(1.0 - np.exp(-share / constant) for constant in _GRADUAL)]
+    return np.max([offset.posterior(shape) for offset in offsets for shape in shapes], axis=0)
+
+
+def _seen_again(offset: _Offset, after: np.ndarray) -> float:
+    """
+    Return the log Bayes factor of a jump beside any function of strain, pressures and direction.
+
+    Residual and jump are taken without their means at each of these, with the white misfit that
+    is most probable for either.
+    """
+    cells, jump = offset.fitter.cells, offset.slope * after
+    visited = np.unique(np.column_stack([cells.place, cells.direction]), axis=0,
+                        return_inverse=True)[1].ravel()
+    both = np.stack([offset.fit.residual + offset.taken * jump, jump])
+    mean = np.stack([np.bincount(visited, each) for each in both]) / np.bincount(visited)
+    left, jump = both - mean[:, visited]
+    variance = cells.variance + np.array(
+        [[offset.fitter.covariance.variance(white)] for white in COOLING])
+    alone = -0.5 * np.sum(left ** 2 / variance + np.log(variance), axis=1)
+    size = np.sum(jump ** 2 / variance, axis=1) + 1.0
+    shared = np.sum(left * jump / variance, axis=1)
+    return float(np.max(alone + 0.5 * shared ** 2 / size - 0.5 * np.log(size)) - np.max(alone))
+
+
+def _row(changes: ChangePoints, point: int, offset: _Offset, coordinate: float) -> int:
+    """
+    Return the first row after a jump: of a trial, if one begins at the point.
+
+    Else that from which on the residual of the rows near the point is nearer to the jump than to
+    zero.
+    """
+    row = changes.row(point)
+    if changes.cells.data.start[row]:
+        return row
+    before, after = changes.rows(point)
+    rows = np.arange(before[0], after[-1] + 1)
+    jump = coordinate * offset.slope[changes.order[point - 1:point + 1]].mean()
+    residual = changes.cells.residual_of_rows(offset.fit.model)[rows]
+    cost = np.cumsum((jump ** 2 - 2.0 * residual * jump)[::-1])[::-1]
+    return int(rows[1 + np.argmin(cost[1:])])

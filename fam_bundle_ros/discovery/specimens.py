@@ -83,7 +83,7 @@ class Verdict:
                 *(f'check first: {slip}' for slip in self.slips),
                 *(f'this recording cannot tell apart {" and ".join(group)}'
                   for group in self.tied),
-                *self.finding.refusals, *self.finding.warnings)
+                *self.finding.corrected, *self.finding.refusals, *self.finding.warnings)
 
     @property
     def moved_words(self) -> str:

@@ -163,6 +163,8 @@ class Finding:
     slips : tuple of str
         Slips of unit, sign or ambient pressure that the data probably have: until they are
         settled an effect is named with a doubt.
+    corrected : tuple of str
+        What was corrected in the data before: beside it an effect is named with a doubt.
     worse : bool
         Whether the effects are refused since they increase the error of rows.
     against : frozenset of str
@@ -176,6 +178,7 @@ class Finding:
     artefacts: tuple[Artefact, ...] = ()
     faint: float = 0.0
     slips: tuple[str, ...] = ()
+    corrected: tuple[str, ...] = ()
     worse: bool = False
     against: frozenset[str] = frozenset()
 
@@ -211,7 +214,7 @@ def shown_probability(finding: Finding, label: str, probability: float, named: b
 
 def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[Change],
           held: HeldOut, artefacts: Sequence[Artefact], likely: bool, slips: Sequence[str] = (),
-          refusals: Sequence[str] = ()) -> Finding:
+          refusals: Sequence[str] = (), corrected: Sequence[str] = ()) -> Finding:
     """
     Return the verdict.
 
@@ -229,8 +232,8 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
     likely : bool
         Whether the evidence named an effect before the test on held-out folds. If that test
         removed all effects, the verdict is `unexplained`, not `adequate`.
-    slips, refusals : sequence of str
-        As in `Finding`; reasons against the set that are known before.
+    slips, refusals, corrected : sequence of str
+        As in `Finding`; refusals are reasons against the set that are known before.
     """
     fitter, null, cells = search.fitter, search.null, search.fitter.cells
     after = remaining_discrepancy(fitter.covariance, chosen, physics)
@@ -271,10 +274,10 @@ def judge(search: Search, base: Fit, chosen: Fit, physics: Fit, found: Sequence[
         verdict = 'unexplained'
     else:
         rest = structured or after.total > negligible(cells)
-        verdict = 'partial' if warnings or slips or rest else 'missing_effect'
+        verdict = 'partial' if warnings or slips or corrected or rest else 'missing_effect'
     against = frozenset(change.label for change, each in weak.items() if each < 0.0)
     return Finding(verdict, after, tuple(refusals), warnings, tuple(artefacts), faint,
-                   tuple(slips), bool(worse), against)
+                   tuple(slips), tuple(corrected), bool(worse), against)
 
 
 def leaves_structure(search: Search, fit: Fit, physics: Fit) -> bool:

@@ -63,7 +63,7 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
               trades: Sequence[Trade], base: Fit, shapes: Sequence[Template],
               error: Mapping[str, float]) -> str:
     """
-    Return the verdict in a sentence.
+    Return the verdict in a sentence, after what was corrected in the data.
 
     Parameters
     ----------
@@ -80,6 +80,14 @@ def summarise(finding: Finding, answer: Sequence[Change], found: Sequence[Change
         Rms errors ``recalibrated`` and ``best``, the latter in the ``used`` rows alone (see
         `error_of_used`), and the noise floor ``noise``, N.
     """
+    return '; '.join([*finding.corrected, _verdict(finding, answer, found, ties, trades, base,
+                                                   shapes, error)])
+
+
+def _verdict(finding: Finding, answer: Sequence[Change], found: Sequence[Change], ties: Ties,
+             trades: Sequence[Trade], base: Fit, shapes: Sequence[Template],
+             error: Mapping[str, float]) -> str:
+    """Return the verdict in a sentence; parameters as in `summarise`."""
     faint = (f'; {number(finding.faint, 2)} N rms of a smooth shape are left, less than half the '
              'noise of a row: a smaller --unexplained searches for effects of this size'
              if finding.faint else '')

@@ -9,6 +9,9 @@ from fam_bundle_ros.data.measurement import build
 from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.covariance import Covariance
 from fam_bundle_ros.discovery.fitter import Fitter
+from fam_bundle_ros.discovery.options import Options
+from fam_bundle_ros.discovery.search import Search
+from fam_bundle_ros.discovery.settings import Choices
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit
 
 PRACTICE = [f'p{k:02d}' for k in range(1, 11)]
@@ -66,3 +69,15 @@ def problem(sweeps, paper_muscle):
     cells = reduce(paper_muscle, sweeps(paper_muscle.with_effect('coulomb_friction')), most=120)
     covariance = Covariance(cells, 0.01)
     return cells, covariance, Fitter(covariance)
+
+
+@pytest.fixture(scope='session')
+def searched():
+    """Return a function that searches a log: the model as given, and a set with some effects."""
+    def fitted(model, data, *effects):
+        search = Search(Options.of(model, reduce(model, data), Choices()))
+        search.fit(search.options.own)
+        if effects:
+            search.fit(tuple(sorted((*search.options.own, *effects))))
+        return search
+    return fitted

@@ -1,10 +1,6 @@
 # Copyright 2026 fam_bundle_ros contributors
 # SPDX-License-Identifier: Apache-2.0
-"""
-A log of two muscles is told as such, and a reading that jumps is corrected.
-
-What drifts or wears is taken for neither.
-"""
+"""A log of two muscles is told as such, and what drifts or wears is not taken for it."""
 
 from dataclasses import replace
 
@@ -12,26 +8,13 @@ import numpy as np
 import pytest
 
 from fam_bundle_ros.data.measurement import build
-from fam_bundle_ros.discovery.add import add_effect
-from fam_bundle_ros.discovery.cells import reduce
 from fam_bundle_ros.discovery.change_point import two_models
 from fam_bundle_ros.discovery.diagnose import diagnose
-from fam_bundle_ros.discovery.options import Options
-from fam_bundle_ros.discovery.search import Search
 from fam_bundle_ros.discovery.sensor_jump import sensor_jump
 from fam_bundle_ros.discovery.settings import Choices
 
 SLIGHTER = {'geometry.radius': 5.8e-3}
 WORDS = 'one model for the rows before'
-
-
-def searched(model, data, *effects):
-    """Return a search that fitted the model as given, and the set with these effects."""
-    search = Search(Options.of(model, reduce(model, data), Choices()))
-    search.fit(search.options.own)
-    if effects:
-        search.fit(tuple(sorted((*search.options.own, *effects))))
-    return search
 
 
 def exchanged(make_sweeps, paper_muscle, first):
@@ -55,7 +38,7 @@ def test_a_muscle_that_was_exchanged_is_told_and_no_effect_is_named(make_sweeps,
 
 @pytest.mark.parametrize(('first', 'place'), [(160, 'trial run2 ('), (240, 'trial run3 ('),
                                               (280, 's of trial run3'), (880, 'trial run11 (')])
-def test_the_place_of_the_exchange_is_told(make_sweeps, paper_muscle, first, place):
+def test_the_place_of_the_exchange_is_told(searched, make_sweeps, paper_muscle, first, place):
     """By the file's name of the trial; also within a trial, and before the last one."""
     data = exchanged(make_sweeps, paper_muscle, first)
     data = replace(data, trial_names=tuple(f'run{k}' for k in range(12)))
@@ -64,10 +47,11 @@ def test_the_place_of_the_exchange_is_told(make_sweeps, paper_muscle, first, pla
     where = words[len(WORDS) + 1:].partition(', and')[0]
     assert place in where
     if 's of' in where:
-        assert float(where.split()[1]) == pytest.approx(data.time[first], abs=1.5)
+        assert float(where.split()[0]) == pytest.approx(data.time[first], abs=1.5)
 
 
-def test_the_place_is_told_where_the_clock_starts_anew_in_each_trial(make_sweeps, paper_muscle):
+def test_the_place_is_told_where_the_clock_starts_anew_in_each_trial(searched, make_sweeps,
+                                                                     paper_muscle):
     """The log is in the order of its rows."""
     data = exchanged(make_sweeps, paper_muscle, 480)
     data = build('anew', data.strain, data.pressure, data.force, data.trial, data.time % 23.0)
@@ -78,7 +62,7 @@ def test_the_place_is_told_where_the_clock_starts_anew_in_each_trial(make_sweeps
 
 @pytest.mark.parametrize('effects', [
     (), ('coulomb_friction',), ('force_sensor_drift',), ('softening',)])
-def test_one_muscle_is_not_told_as_two(make_sweeps, paper_muscle, effects):
+def test_one_muscle_is_not_told_as_two(searched, make_sweeps, paper_muscle, effects):
     """Effects that are in the log explain it better, those that change with time too."""
     true = paper_muscle
     for name in effects:
@@ -88,7 +72,7 @@ def test_one_muscle_is_not_told_as_two(make_sweeps, paper_muscle, effects):
     assert sensor_jump(search) is None
 
 
-def test_damping_of_isobars_first_slow_and_then_fast_is_no_second_muscle(make_sweeps,
+def test_damping_of_isobars_first_slow_and_then_fast_is_no_second_muscle(searched, make_sweeps,
                                                                          paper_muscle):
     """Two discrepancies, one for each speed, may follow it better than one, but not without."""
     true = paper_muscle.with_effect('viscous_damping', coefficient=1500.0)
@@ -108,7 +92,7 @@ def test_damping_of_isobars_first_slow_and_then_fast_is_no_second_muscle(make_sw
     assert two_models(search) is not None
 
 
-def test_a_map_without_time_and_a_short_log_have_no_change(make_sweeps, paper_muscle):
+def test_a_map_without_time_and_a_short_log_have_no_change(searched, make_sweeps, paper_muscle):
     """Rows of a map have no order; a model is not determined by fewer rows than parameters."""
     data = exchanged(make_sweeps, paper_muscle, 480)
     assert two_models(searched(paper_muscle, data)) is not None
@@ -117,82 +101,8 @@ def test_a_map_without_time_and_a_short_log_have_no_change(make_sweeps, paper_mu
     assert two_models(searched(paper_muscle, few)) is None
 
 
-def jumping(data, first, **sizes):
-    """Return a log whose readings are larger from row ``first`` on."""
-    after = np.arange(len(data)) >= first
-    return replace(data, **{name: (getattr(data, name).T + size * after).T
-                            for name, size in sizes.items()})
-
-
-@pytest.mark.parametrize(('quantity', 'size', 'words'), [
-    ('force', 5.0, '5 N more'), ('force', -2.0, '2 N less'), ('strain', 4e-3, '0.004 more'),
-    ('strain', 0.02, '0.02 more'), ('pressure', 4e3, '4 kPa more')])
-@pytest.mark.parametrize(('first', 'place'), [(480, 'trial 6 ('), (680, 's of trial 8')])
-def test_a_reading_that_jumps_is_told_with_its_size_and_place(make_sweeps, paper_muscle, quantity,
-                                                              size, words, first, place):
-    """Between two trials or within one: a load cell that was tared, a clamp that slipped."""
-    still = make_sweeps(noise=0.2)
-    data = jumping(still, first, **{quantity: size})
-    search = searched(paper_muscle, data)
-    jump = sensor_jump(search)
-    assert jump.quantity == quantity
-    assert jump.size == pytest.approx(size, rel=0.02)
-    assert jump.begin == pytest.approx(data.time[first], abs=1.1)  # a cell
-    two = two_models(search)
-    assert two is None or two.log_odds < jump.log_odds
-    where, _, told = jump.artefact.words.partition(' on the ')
-    assert place in where
-    assert told.startswith(f'{quantity} reads {words} than before')
-    left = getattr(jump.undone(data), quantity) - getattr(still, quantity)
-    assert np.median(np.abs(left)) < 0.02 * abs(size)
-
-
-def test_an_effect_is_found_in_a_log_that_jumps(make_sweeps, paper_muscle):
-    """A drift and end caps were named in its place."""
-    true = paper_muscle.with_effect('coulomb_friction')
-    found = diagnose(paper_muscle, jumping(make_sweeps(true), 480, force=5.0),
-                     choices=Choices(most=2))
-    assert found.effects == ('coulomb_friction',)
-    assert found.verdict == 'partial'
-    assert any('on the force reads' in note for note in found.notes)
-    assert found.error_N['best'] == pytest.approx(0.6, abs=0.1)  # the noise
-    assert found.error_N['model'] > 3.0  # of the readings as they are
-    added = add_effect(paper_muscle, found, found.measurement)
-    assert added.model.effect('coulomb_friction').values['force'] == pytest.approx(
-        true.effect('coulomb_friction').values['force'], rel=0.05)
-
-
-@pytest.mark.parametrize('warm', [5.0, 20.0, 60.0])
-def test_a_load_cell_that_warms_up_does_not_jump(make_sweeps, paper_muscle, warm):
-    """Its offset comes gradually, in this time (s)."""
-    data = make_sweeps(noise=0.2, extra=lambda strain, pressure, way, time: 4.0 * (
-        1.0 - np.exp(-time / warm)))
-    assert sensor_jump(searched(paper_muscle, data)) is None
-
-
-@pytest.mark.parametrize('cycles', [1, 2])
-def test_an_effect_of_the_pressure_is_no_jump(make_sweeps, paper_muscle, cycles):
-    """In isobars run once, in ascending order, the force steps at one time as at one pressure."""
-    data = make_sweeps(noise=0.2, cycles=cycles, extra=lambda strain, pressure, way, time: 3.0 * (
-        pressure > 2e5))
-    assert sensor_jump(searched(paper_muscle, data)) is None
-
-
-def test_another_muscle_is_no_jump_of_a_reading(make_sweeps, paper_muscle):
+def test_another_muscle_is_no_jump_of_a_reading(searched, make_sweeps, paper_muscle):
     """A constant explains part of it, two models explain it all."""
     search = searched(paper_muscle, exchanged(make_sweeps, paper_muscle, 480))
     jump = sensor_jump(search)
     assert jump is None or jump.log_odds < two_models(search).log_odds
-
-
-def test_the_jump_is_found_where_the_clock_starts_anew_in_each_trial(make_sweeps, paper_muscle):
-    """Its place is then a row, not a time; averaged rows have lost their number."""
-    data = jumping(make_sweeps(), 480, force=5.0)
-    anew = build('anew', data.strain, data.pressure, data.force, data.trial, data.time % 23.0)
-    search = searched(paper_muscle, anew)
-    jump = sensor_jump(search)
-    assert jump.begin == 480
-    thinned = replace(search.options.cells, rows=2 * len(anew))
-    search.options = replace(search.options, cells=thinned)
-    del search.fitter
-    assert sensor_jump(search) is None
