@@ -43,7 +43,7 @@ Point = tuple[np.ndarray, np.ndarray, np.ndarray]
 Found = tuple[float, Point, Hyper]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """
     A set of effects fitted to cells.
@@ -130,6 +130,9 @@ class Fitter:
 
     covariance: Covariance
     rival_errors: dict[str, list[np.ndarray]] | None = None
+    #: What was computed, as the same fits are compared in several steps towards an answer.
+    _alone: dict[Fit, Fit] = field(default_factory=dict, repr=False)
+    _refitted: dict[tuple[Fit, bytes], Point] = field(default_factory=dict, repr=False)
 
     @property
     def cells(self) -> Cells:
@@ -312,6 +315,11 @@ class Fitter:
 
         A discrepancy biases the physical parameters (Brynjarsdottir and O'Hagan 2014).
         """
+        if fit not in self._alone:
+            self._alone[fit] = self._without_discrepancy(fit)
+        return self._alone[fit]
+
+    def _without_discrepancy(self, fit: Fit) -> Fit:
         found = self._annealed(fit, 25)
         if found[0] < fit.white_evidence - _ROUGH:
             # the discrepancy had led to another optimum than `fit` found without it
@@ -329,6 +337,12 @@ class Fitter:
         all cells alone would know the others. So another one is annealed from the start values
         of the priors, and the more probable of the two is returned.
         """
+        key = fit, kept.tobytes()
+        if key not in self._refitted:
+            self._refitted[key] = self._refit_to(fit, kept)
+        return self._refitted[key]
+
+    def _refit_to(self, fit: Fit, kept: np.ndarray) -> Point:
         sd = 1.0 / self.covariance.whiten(fit.hyper, np.ones(len(kept)))[kept]
 
         def whitener(heat: float) -> Callable[[np.ndarray], np.ndarray]:
