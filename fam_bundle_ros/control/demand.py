@@ -8,7 +8,7 @@ from fam_bundle_ros.control.adaptation import GAUGE_SHARE, lag_of
 from fam_bundle_ros.control.crossing import doubt_of
 from fam_bundle_ros.control.curves import top_at
 from fam_bundle_ros.control.heading import follow_heading, heading_now, rest_at
-from fam_bundle_ros.control.jump import is_recent
+from fam_bundle_ros.control.jump import is_climbing, is_recent
 from fam_bundle_ros.control.outer_loop import FORCE, STRAIN, uncertainties
 from fam_bundle_ros.control.spread import reserve
 from fam_bundle_ros.control.transition import patience
@@ -32,7 +32,9 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     if clean:
         for k in range(len(top)):
             jump = max(jump, abs(top[k] - limits.value[k]))
-    if kind != state.heading_kind or (rate == 0.0 and jump > settings.step):
+    # A step has no rate, however small it is.
+    if kind != state.heading_kind or (
+            rate == 0.0 and (jump > settings.step or state.jump.still == 0.0)):
         state.heading_kind = kind
         rest_at(wanted, 0, asked)
         for k in range(len(top)):
@@ -62,5 +64,8 @@ def set_demand(settings: Any, model: Any, state: Any, kind: int, rate: float, dt
     demand.doubt = doubt if state.crossings.count > 0 else 0.0
     demand.spare = reserve(state, target.force, state.table.order[0])
     demand.stepping = 1 if state.jump.again > 0 and is_recent(settings, state.jump) else 0
+    climbing = is_climbing(settings, state.jump)
+    demand.step = state.jump.rise if climbing else 0.0
+    demand.climb = state.jump.climb if climbing else 0.0
     demand.own_rate = wanted.rate[0]
     demand.smooth_rate = demand.own_rate - (limits.rate[k] if clean else limit_speed)

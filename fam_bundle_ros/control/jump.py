@@ -16,6 +16,8 @@ from fam_bundle_ros.control.outer_loop import FORCE
 #: Share of the largest force: a demand that changes by more than this from one tick to the next is
 #: a step, not a rate (of the whole range in 0.7 s, at ticks of 4 ms).
 STEP_SHARE = 0.006
+#: N: smaller changes of a demand do not count, and demands missed by less count as met.
+TOLERANCE = 0.1
 
 
 @dataclass
@@ -36,8 +38,14 @@ class Jump:
         Time since the last step, also one that a unit makes alone; inf before the first.
     again : int
         1 when it came within `SwitchingConfig.absence_time` of the one before.
-    kind, reference : int, float
-        The last reference; ``kind`` is -1 for none.
+    kind, reference, rate : int, float, float
+        The last reference and its rate; ``kind`` is -1 for none.
+    rise, climb : float, N
+        The last step, however small, negative for one down; and how far the reference has risen
+        since the first step of those that followed each other up within the absence time. 0 if it
+        moves otherwise.
+    still : float, s
+        Time since that step.
     """
 
     base: list
@@ -47,6 +55,10 @@ class Jump:
     again: int = 0
     kind: int = -1
     reference: float = 0.0
+    rate: float = 0.0
+    rise: float = 0.0
+    climb: float = 0.0
+    still: float = math.inf
 
 
 def begin_jump(settings: Any, state: Any, size: float) -> None:
@@ -74,13 +86,27 @@ def is_recent(settings: Any, jump: Any) -> bool:
     return jump.since < settings.switching.absence_time
 
 
+def is_climbing(settings: Any, jump: Any) -> bool:
+    """Return whether the reference rises in steps."""
+    return jump.climb > 0.0 and jump.still < settings.switching.absence_time
+
+
 def step_of(settings: Any, jump: Any, kind: int, value: float, rate: float, dt: float) -> float:
     """Return the size of a step of a force reference since the tick before, N; 0 for none."""
     jump.since += dt
-    size = abs(value - jump.reference) if kind == FORCE and jump.kind == FORCE else 0.0
-    jump.kind, jump.reference = kind, value
-    if rate != 0.0 or size <= settings.step:
+    jump.still += dt
+    change = value - jump.reference if kind == FORCE and jump.kind == FORCE else 0.0
+    moved = rate != 0.0 or jump.rate != 0.0
+    jump.kind, jump.reference, jump.rate = kind, value, rate
+    if moved or kind != FORCE:
+        # the last part of a motion is no step
+        jump.rise = jump.climb = 0.0
+    elif abs(change) > TOLERANCE:
+        again = change > 0.0 and jump.rise > 0.0 and jump.still < settings.switching.absence_time
+        jump.climb = jump.climb + change if again else 0.0
+        jump.rise, jump.still = change, 0.0
+    if rate != 0.0 or abs(change) <= settings.step:
         return 0.0
     jump.again = 1 if is_recent(settings, jump) else 0
     jump.since = 0.0
-    return size
+    return abs(change)

@@ -82,12 +82,13 @@ def sentence(reason: Any, names: Sequence[str]) -> str:
         dip = r.limit - r.crossing
         pushed = (f'; above {r.crossing:.1f} N its push-back of {dip:.1f} N could not be '
                   'compensated') if dip > 0.05 else ''
+        rising = f'by {r.rate:.1f} N/s' if r.rate > 0.0 else 'in steps'
         text = {
             FROM_REST: f'demand {force:.1f} N above {r.level:.1f} N; vented it gives '
                            f'{r.limit:.1f} N',
             BEYOND: f"demand {force:.1f} N above RS{state}'s {r.limit:.1f} N by more than "
                         f'{r.level - r.limit:.1f} N',
-            AHEAD: f"demand {force:.1f} N rising by {r.rate:.1f} N/s towards RS{state}'s "
+            AHEAD: f"demand {force:.1f} N rising {rising} towards RS{state}'s "
                        f'{r.limit:.1f} N{pushed}'}[int(r.why)]
         return f'recruit {names[state]}: {text}'
     below = f'demand {force:.1f} N below {r.level:.1f} N'

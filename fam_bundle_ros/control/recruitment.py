@@ -56,7 +56,8 @@ class SwitchingConfig:
     rest_rate : float, 1/s
         Demands that change by less than this share of the bundle's range per second are at rest.
     horizon : float, s
-        Look-ahead of a rising demand where the whole dip can still be compensated; it shrinks to 0
+        Look-ahead of a rising demand where the whole dip can still be compensated, at the last
+        moment as long as the demand has been rising; it shrinks to 0
         where none of it can.
     crossing_rate : float, Pa/s
         Usual pressure rate of a crossing, within reach of valve and supply; up to 4 times this

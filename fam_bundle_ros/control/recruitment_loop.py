@@ -49,7 +49,7 @@ from fam_bundle_ros.control.demand import set_demand
 from fam_bundle_ros.control.friction import half_band, is_settled, learn_friction
 from fam_bundle_ros.control.heading import heading_of, HeadingState
 from fam_bundle_ros.control.inverse import hold_bottoms, place_bottoms, Shares, total_of
-from fam_bundle_ros.control.jump import begin_jump, Jump, step_of
+from fam_bundle_ros.control.jump import begin_jump, Jump, step_of, TOLERANCE
 from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
@@ -76,7 +76,7 @@ from fam_bundle_ros.control.reference_memory import (
 )
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
 from fam_bundle_ros.control.softness import set_softness
-from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread, TOLERANCE
+from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread
 from fam_bundle_ros.control.strain_prediction import (
     forget_prediction,
     PredictionState,
@@ -186,7 +186,8 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
         state.asleep[unit] = state.table.lowered[unit] = 0
     free_friction(state.table)
     state.crossings.count = state.jump.on = state.jump.fresh = 0
-    state.jump.kind, state.jump.since = -1, math.inf
+    state.jump.kind, state.jump.since, state.jump.still = -1, math.inf, math.inf
+    state.jump.rate = state.jump.rise = state.jump.climb = 0.0
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
 

@@ -15,15 +15,13 @@ from fam_bundle_ros.control.crossing import (
 )
 from fam_bundle_ros.control.curves import reach_below, slope_at
 from fam_bundle_ros.control.inverse import change_in_turn, change_together, fill, lower, share
-from fam_bundle_ros.control.jump import is_recent
+from fam_bundle_ros.control.jump import is_recent, TOLERANCE
 from fam_bundle_ros.control.switching import REVERSAL_AWARE
 
 #: Schemes: each unit to its limit before the next; active units at one pressure; all units always
 #: on; and two without a model (`baselines`), for comparison.
 SCHEMES = ('orderly', 'batch', 'all_on', 'equal_pressure', 'threshold')
 ORDERLY, BATCH, ALL_ON, EQUAL_PRESSURE, THRESHOLD = range(5)
-#: N: demands missed by less than this count as met.
-TOLERANCE = 0.1
 
 
 def follow_jump(settings: Any, model: Any, state: Any, demand: float, dt: float) -> None:

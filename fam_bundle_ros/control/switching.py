@@ -78,6 +78,8 @@ class Demand:
         What is left for the demand while units that are being filled push back; inf while none is.
     stepping : int
         1 for a demand that steps repeatedly: between two steps it is not at rest.
+    step, climb : float, N
+        For a demand that rises in steps: the last one, and the rise since the first one.
     soft, soft_below : int
         1 if the push-back of empty units makes the bundle too soft for the strain loop, in the
         present state and in the one below: `softness.set_softness`.
@@ -96,6 +98,8 @@ class Demand:
     own_rate: float = 0.0
     spare: float = math.inf
     stepping: int = 0
+    step: float = 0.0
+    climb: float = 0.0
     soft: int = 0
     soft_below: int = 0
 
@@ -141,9 +145,9 @@ class MachineState:
         k of RSk.
     direction : int
         Direction of the last switch: +1, -1, or 0 before the first.
-    since, calm, absent, rising : float, s
+    since, calm, absent, rising, nearing : float, s
         Time since the last switch; at rest below the release level; below the release level;
-        since the demand last did not rise.
+        since the demand last did not rise; since it last did not rise relative to the limit.
     ahead : float, N
         By how much the release level is lowered: the distance of the demand below it at the last
         recruitment ahead of need. A demand that then stops rising must not release the unit. 0
@@ -176,6 +180,7 @@ class MachineState:
     calm: float = 0.0
     absent: float = 0.0
     rising: float = 0.0
+    nearing: float = 0.0
     ahead: float = 0.0
     feedback: float = 0.0
     released: float = -math.inf
@@ -191,7 +196,8 @@ def start_machine(machine: Any, state: int) -> None:
     for k in range(len(machine.needed)):
         machine.reserve[k], machine.needed[k], machine.stiffens[k] = 0.0, 1, 0
     machine.state, machine.direction, machine.since = state, 0, math.inf
-    machine.calm = machine.absent = machine.rising = machine.ahead = machine.feedback = 0.0
+    machine.calm = machine.absent = machine.rising = machine.nearing = 0.0
+    machine.ahead = machine.feedback = 0.0
     machine.released, machine.excess = -math.inf, math.inf
     machine.back = machine.wary = machine.returned = False
 
@@ -308,6 +314,8 @@ def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: 
             if last:
                 machine.ahead = 0.0
     machine.rising = machine.rising + dt if demand.own_rate > 0.0 else 0.0
+    nears = demand.rate * settings.absence_time > _LITTLE
+    machine.nearing = machine.nearing + dt if nears else 0.0
     machine.absent = machine.absent + dt if below else 0.0
     machine.calm = machine.calm + dt if below and resting else 0.0
 
@@ -326,7 +334,7 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
         return SOFT
     # Look-ahead requires that the unit adds more than the uncertainty, and that its push-back can
     # be compensated beside that of the units that are still being filled.
-    if (settings.policy != REVERSAL_AWARE or state == 0 or demand.rate <= 0.0
+    if (settings.policy != REVERSAL_AWARE or state == 0
             or added < demand.uncertainty or demand.spare < table.dip[table.order[state]]):
         return NONE
     # A demand that has turned back before, and the motion of the strain, are predicted no further
@@ -334,7 +342,8 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     usual = crossing_time(table, table.order[state], settings.crossing_rate, 0.0)
     time = usual if machine.wary else max(usual, min(machine.rising, crossing_time(
         table, table.order[state], settings.crossing_rate, demand.patience)))
-    ahead = force + demand.smooth_rate * usual + demand.own_rate * (time - usual)
+    soon = demand.smooth_rate * usual
+    ahead = force + max(demand.step, soon + demand.own_rate * (time - usual))
     if ahead < crossing - 0.1 * (limit - crossing):
         return NONE
     # One standard deviation, a third of the margin, is enough at first: a needless recruitment
@@ -342,17 +351,23 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     # dip is already certain, so the level rises and the horizon shrinks.
     late = min(max((force - crossing) / max(limit - crossing, _LITTLE), 0.0), 1.0)
     level = limit + (recruit - limit) * (1.0 + 2.0 * late) / 3.0
-    within = settings.horizon * (1.0 - late)
-    return NONE if force + rise_within(demand, within) <= level else AHEAD
+    horizon, climb = settings.horizon, 0.0
+    if force + max(demand.step, soon) > crossing and not machine.wary:
+        # The last moment: a slow rise is expected to last, and stairs to rise, as much again.
+        horizon, climb = max(horizon, machine.nearing), demand.climb
+    rise = max(rise_within(demand, horizon * (1.0 - late)), climb * (1.0 - late))
+    return NONE if force + rise <= level else AHEAD
 
 
 def rise_within(demand: Any, horizon: float) -> float:
     """
-    Return the predicted rise of the demand within a horizon (s), N.
+    Return the predicted rise of the demand within a horizon (s), N; 0 unless it is rising.
 
     Extrapolated to the turning point of a demand that decelerates, else to the horizon:
     rate + slowing t + jerk t^2/2 = 0, solved in the form that also holds for zero jerk.
     """
+    if demand.rate <= 0.0:
+        return 0.0
     slowing, jerk = min(demand.acceleration, 0.0), min(demand.jerk, 0.0)
     root = math.sqrt(slowing * slowing - 2.0 * jerk * demand.rate) - slowing
     turn = min(2.0 * demand.rate / root, horizon) if root > 0.0 else horizon

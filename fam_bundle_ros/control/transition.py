@@ -6,10 +6,10 @@ from typing import Any
 
 from fam_bundle_ros.control.crossing import begin_crossing, crossing_pace, hand_over_time
 from fam_bundle_ros.control.curves import force_at, line_at, on_line
+from fam_bundle_ros.control.jump import TOLERANCE
 from fam_bundle_ros.control.observer import quick_noise, shift
 from fam_bundle_ros.control.outer_loop import STRAIN
 from fam_bundle_ros.control.reasons import BEYOND, UNREACHABLE
-from fam_bundle_ros.control.spread import TOLERANCE
 from fam_bundle_ros.control.switching import REVERSAL_AWARE, switch_step
 
 

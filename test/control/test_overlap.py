@@ -19,6 +19,14 @@ from fam_bundle_ros.control.switching import Demand
 from .at_once import Bench, DT, OPEN, switches
 
 
+def ease(bench, low, end, duration):
+    """Return the commands of a rise along half a cosine."""
+    phase = np.linspace(0.0, np.pi, round(duration / DT))
+    force = low + 0.5 * (end - low) * (1.0 - np.cos(phase))
+    rate = 0.5 * (end - low) * np.pi / duration * np.sin(phase)
+    return [bench.update(*now) for now in zip(force, rate)]
+
+
 def test_neglect_nets_the_bias_against_forces_that_are_not_below_zero(paper_bundle):
     """A vented bundle that pushes back is believed to give nothing."""
     bench = Bench(paper_bundle, 0.2, policy='neglect')
@@ -73,17 +81,13 @@ def test_a_demand_that_stops_inside_the_overlap_stays_in_the_cheaper_state(paper
 
 
 @pytest.mark.parametrize('room', [0.06, 1.0])
-@pytest.mark.parametrize('duration', [0.8, 3.0])
+@pytest.mark.parametrize('duration', [0.8, 3.0, 20.0])
 def test_a_demand_that_eases_to_rest_below_the_limit_recruits_nothing(
         paper_bundle, duration, room):
     """Where it slows down is seen: from 20 N on half a cosine, to within 1 N of the limit."""
     bench = Bench(paper_bundle, 0.16, outer=OPEN)
-    low, end = 20.0, bench.curves.top[1] - room
-    phase = np.linspace(0.0, np.pi, round(duration / DT))
-    force = low + 0.5 * (end - low) * (1.0 - np.cos(phase))
-    rate = 0.5 * (end - low) * np.pi / duration * np.sin(phase)
-    commands = bench.hold(low, 1.0)
-    commands += [bench.update(*now) for now in zip(force, rate)] + bench.hold(end, 1.0)
+    end = bench.curves.top[1] - room
+    commands = bench.hold(20.0, 1.0) + ease(bench, 20.0, end, duration) + bench.hold(end, 1.0)
     assert {c.state for c in commands} == {1}
     assert bench.bundle.force(0.16, bench.pressure) == pytest.approx(end, abs=0.3)
 
@@ -94,7 +98,8 @@ def test_noise_of_the_force_recruits_nothing_just_below_the_limit(paper_bundle):
         bench = Bench(paper_bundle, 0.16, noise=0.9, seed=seed, outer=OuterConfig(delay=0.0))
         end = bench.curves.top[1] - 0.1
         bench.ramp(2.0, 30.0, 20.0)
-        assert {c.state for c in bench.ramp(30.0, end, 1.5) + bench.hold(end, 8.0)} == {1}
+        commands = ease(bench, 30.0, end, 10.0) + bench.hold(end, 8.0)
+        assert {c.state for c in commands} == {1}
 
 
 def test_a_lead_that_is_learnt_is_no_acceleration_of_the_demand(paper_bundle):

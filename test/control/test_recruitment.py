@@ -294,6 +294,17 @@ def test_a_step_is_no_rate_and_a_fast_ramp_is_no_step(paper_bundle, end, rate, s
     assert any(told) == bool(said)
 
 
+@pytest.mark.parametrize('step', [0.3, 1.5, 4.0])
+def test_a_step_of_any_size_is_no_rate(paper_bundle, step):
+    """To 1 N below the overlap; as a rate the smaller ones would be hundreds of N/s."""
+    bench = Bench(paper_bundle, 0.16, outer=OPEN)
+    end = bench.curves.crossing[1] - 1.0
+    bench.hold(end - step, 1.0)
+    for command in bench.hold(end, 0.2):
+        assert command.state == 1
+        assert bench.controller.memory.demand.rate == pytest.approx(0.0, abs=1e-6)
+
+
 def test_a_limit_that_comes_down_to_the_demand_counts_as_a_demand_that_rises(paper_bundle):
     """At a constant demand, contraction takes away what RS1 can give: MU2 comes in time."""
     bench, told = Bench(paper_bundle, 0.12, outer=OPEN), []

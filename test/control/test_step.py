@@ -3,6 +3,7 @@
 """Steps of the force: all active units move together, and return to filling in turn later."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ from fam_bundle_ros.control import (
 )
 from fam_bundle_ros.control.baselines import BaselineConfig
 from fam_bundle_ros.control.inverse import change_in_turn, change_together, Shares
+from fam_bundle_ros.control.jump import is_climbing, Jump, step_of
+from fam_bundle_ros.control.outer_loop import FORCE
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
@@ -99,6 +102,51 @@ def test_a_demand_that_steps_a_little_at_a_limit_does_not_switch_at_each_step(pa
     log = stairs(paper_bundle, [limit + step for step in steps], 1.5, 0.12)
     assert len(log.decisions) <= 2
     assert log.state[-1] == 2
+
+
+@pytest.mark.parametrize('step', [0.8, 2.0])
+def test_stairs_never_fall_below_the_step_before(paper_bundle, step):
+    """Up through the limit of RS1; the smaller steps are no larger than a ramp's between ticks."""
+    limit = float(paper_bundle.force(0.12, [paper_bundle.max_pressure[0], 0.0]))
+    levels = np.arange(limit - 16.0, limit + 4.0, step)
+    log = stairs(paper_bundle, levels.tolist(), 0.8, 0.12)
+    assert log.state[-1] == 2
+    held = levels[np.clip((log.time / 0.8).astype(int) - 1, 0, len(levels) - 1)]
+    assert (log.force - held)[log.time > 1.6].min() > -0.3
+
+
+def test_a_slow_ramp_through_a_limit_does_not_dip(paper_bundle):
+    """1 N/s from before the overlap on: at the limit nothing could compensate 5 N."""
+    limit = float(paper_bundle.force(0.12, [paper_bundle.max_pressure[0], 0.0]))
+    log = ClosedLoop(paper_bundle, paper_bundle).run(Trajectory(
+        'ramp', 'force', 20.0, lambda t: limit - 15.0 + t, lambda t: 1.0, Dynamometer(0.12),
+        prepare=1.5))
+    assert log.state[-1] == 2
+    assert np.abs(log.error).max() < 0.5
+
+
+@pytest.mark.parametrize(('values', 'rates', 'step', 'climb'), [
+    ([0, 2, 4, 7], [0, 0, 0, 0], 3.0, 5.0),
+    ([0, 0.2, 0.5], [0, 0, 0], 0.3, 0.3),
+    ([0, 2, 4.05], [0, 0, 0], 2.05, 2.05),
+    ([0, 2, 2.05], [0, 0, 0], 2.0, 0.0),
+    ([0, 2], [0, 0], 2.0, 0.0),
+    ([0, 2, 4, 3, 5], [0, 0, 0, 0, 0], 2.0, 0.0),
+    ([0, 2, 4, 6], [0, 0, 1, 0], 0.0, 0.0)])
+def test_a_reference_climbs_from_the_second_step_up_on(values, rates, step, climb):
+    """Not after a step down or a motion with a rate, nor after a pause of the absence time."""
+    settings = SimpleNamespace(step=1.0, switching=SimpleNamespace(absence_time=10.0))
+    jump = Jump([0.0])
+    for value, rate in zip(values, rates):
+        for _ in range(3):
+            step_of(settings, jump, FORCE, float(value), float(rate), 0.5)
+    assert (jump.rise, jump.climb) == pytest.approx((step, climb))
+    assert is_climbing(settings, jump) == (climb > 0.0)
+    for _ in range(20):
+        step_of(settings, jump, FORCE, float(values[-1]), 0.0, 0.5)
+    assert not is_climbing(settings, jump)
+    step_of(settings, jump, FORCE, values[-1] + 2.0, 0.0, 0.5)
+    assert jump.climb == 0.0
 
 
 def test_units_return_to_filling_in_turn_without_a_change_of_the_force(paper_bundle):

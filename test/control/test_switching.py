@@ -85,6 +85,37 @@ def test_where_there_is_no_room_to_be_early_a_slow_demand_is_waited_for(
     assert ('rising' in why) == recruited
 
 
+@pytest.mark.parametrize(('lasted', 'recruited'), [(3.0, False), (6.0, True)])
+def test_a_slow_rise_is_expected_to_last_as_long_as_it_has(made, lasted, recruited):
+    """At 242 N the dip can still be compensated; RS1 gives 246 N, the demand rises by 1 N/s."""
+    machine = Machine(made(), 1)
+    assert machine.tell(200.0, 1.0, duration=lasted)[1] == ''
+    assert ('rising by 1.0 N/s' in machine.tell(242.0, 1.0)[1]) == recruited
+    machine.machine.reset(1)
+    machine.tell(200.0, 1.0, duration=lasted)
+    machine.tell(200.0, 0.0)
+    assert machine.tell(242.0, 1.0)[1] == ''
+
+
+def test_a_constant_demand_is_near_the_limit_as_long_as_that_has_been_falling(made):
+    """The strain takes 1 N/s from what RS1 gives, for 6 s."""
+    machine = Machine(made(), 1)
+    machine.tell(200.0, 1.0, own_rate=0.0, duration=6.0)
+    assert 'rising by 1.0 N/s' in machine.tell(242.0, 1.0, own_rate=0.0)[1]
+
+
+@pytest.mark.parametrize(('force', 'step', 'climb', 'recruited'), [
+    (241.0, 2.0, 6.0, True), (241.0, 2.0, 5.0, False), (241.0, 0.5, 6.0, False),
+    (244.0, 2.0, 4.0, False), (244.0, 2.0, 12.0, True)])
+def test_stairs_are_expected_to_rise_as_much_again(made, force, step, climb, recruited):
+    """The next step must lead into the overlap (242 N), and the stairs beyond RS1 (246 N)."""
+    machine = Machine(made(), 1)
+    assert ('rising in steps' in machine.tell(force, step=step, climb=climb)[1]) == recruited
+    machine.machine.reset(1)
+    machine.machine.memory.wary = True
+    assert machine.tell(force, step=step, climb=climb)[1] == ''
+
+
 def test_a_unit_that_adds_nothing_is_not_recruited(made):
     """Beyond RS1 stays beyond where the next unit cannot pull."""
     table = made()
