@@ -57,8 +57,7 @@ class SwitchingConfig:
         Demands that change by less than this share of the bundle's range per second are at rest.
     horizon : float, s
         Look-ahead of a rising demand where the whole dip can still be compensated, at the last
-        moment as long as the demand has been rising; it shrinks to 0
-        where none of it can.
+        moment as long as the demand has been rising; it shrinks to 0 where none of it can.
     crossing_rate : float, Pa/s
         Usual pressure rate of a crossing, within reach of valve and supply; up to 4 times this
         where the demand leaves no time, 20 times where the other units cannot compensate.
