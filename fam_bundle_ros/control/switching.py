@@ -335,6 +335,7 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     # Look-ahead requires that the unit adds more than the uncertainty, and that its push-back can
     # be compensated beside that of the units that are still being filled.
     if (settings.policy != REVERSAL_AWARE or state == 0
+            or (demand.rate <= 0.0 and demand.climb <= 0.0)
             or added < demand.uncertainty or demand.spare < table.dip[table.order[state]]):
         return NONE
     # A demand that has turned back before, and the motion of the strain, are predicted no further

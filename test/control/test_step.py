@@ -108,18 +108,18 @@ def test_a_demand_that_steps_a_little_at_a_limit_does_not_switch_at_each_step(pa
 def test_stairs_never_fall_below_the_step_before(paper_bundle, step):
     """Up through the limit of RS1; the smaller steps are no larger than a ramp's between ticks."""
     limit = float(paper_bundle.force(0.12, [paper_bundle.max_pressure[0], 0.0]))
-    levels = np.arange(limit - 16.0, limit + 4.0, step)
-    log = stairs(paper_bundle, levels.tolist(), 0.8, 0.12)
+    levels = np.arange(limit - 12.0, limit + 3.0, step)
+    log = stairs(paper_bundle, levels.tolist(), 0.6, 0.12)
     assert log.state[-1] == 2
-    held = levels[np.clip((log.time / 0.8).astype(int) - 1, 0, len(levels) - 1)]
-    assert (log.force - held)[log.time > 1.6].min() > -0.3
+    held = levels[np.clip((log.time / 0.6).astype(int) - 1, 0, len(levels) - 1)]
+    assert (log.force - held)[log.time > 1.2].min() > -0.3
 
 
 def test_a_slow_ramp_through_a_limit_does_not_dip(paper_bundle):
     """1 N/s from before the overlap on: at the limit nothing could compensate 5 N."""
     limit = float(paper_bundle.force(0.12, [paper_bundle.max_pressure[0], 0.0]))
     log = ClosedLoop(paper_bundle, paper_bundle).run(Trajectory(
-        'ramp', 'force', 20.0, lambda t: limit - 15.0 + t, lambda t: 1.0, Dynamometer(0.12),
+        'ramp', 'force', 14.0, lambda t: limit - 11.0 + t, lambda t: 1.0, Dynamometer(0.12),
         prepare=1.5))
     assert log.state[-1] == 2
     assert np.abs(log.error).max() < 0.5
