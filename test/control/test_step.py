@@ -131,6 +131,7 @@ def test_a_slow_ramp_through_a_limit_does_not_dip(paper_bundle):
     ([0, 2, 4.05], [0, 0, 0], 2.05, 2.05),
     ([0, 2, 2.05], [0, 0, 0], 2.0, 0.0),
     ([0, 2], [0, 0], 2.0, 0.0),
+    ([0, 2, 4, 3], [0, 0, 0, 0], -1.0, 0.0),
     ([0, 2, 4, 3, 5], [0, 0, 0, 0, 0], 2.0, 0.0),
     ([0, 2, 4, 6], [0, 0, 1, 0], 0.0, 0.0)])
 def test_a_reference_climbs_from_the_second_step_up_on(values, rates, step, climb):
