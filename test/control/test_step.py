@@ -26,6 +26,8 @@ from fam_bundle_ros.control.outer_loop import FORCE
 from fam_bundle_ros.plant import Dynamometer
 from fam_bundle_ros.simulation import ClosedLoop, Trajectory
 
+from .at_once import Bench
+
 STRAIN = 0.16
 
 
@@ -148,6 +150,19 @@ def test_a_reference_climbs_from_the_second_step_up_on(values, rates, step, clim
     assert not is_climbing(settings, jump)
     step_of(settings, jump, FORCE, values[-1] + 2.0, 0.0, 0.5)
     assert jump.climb == 0.0
+
+
+def test_enabling_begins_no_climb_in_the_middle(paper_bundle):
+    """Steps before it do not count."""
+    bench = Bench(paper_bundle, 0.16)
+    for force in (20.0, 22.0, 24.0):
+        bench.hold(force, 0.1)
+    jump = bench.controller.memory.jump
+    assert jump.climb == 2.0
+    bench.controller.enable(Measurement(24.0, 0.16, 0.0, bench.pressure))
+    bench.hold(24.0, 0.1)
+    bench.hold(26.0, 0.1)
+    assert (jump.rise, jump.climb) == (2.0, 0.0)
 
 
 def test_units_return_to_filling_in_turn_without_a_change_of_the_force(paper_bundle):

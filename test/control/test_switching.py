@@ -97,6 +97,21 @@ def test_a_slow_rise_is_expected_to_last_as_long_as_it_has(made, lasted, recruit
     assert machine.tell(242.0, 1.0)[1] == ''
 
 
+@pytest.mark.parametrize(('force', 'recruited'), [(241.0, False), (242.0, True)])
+def test_only_at_the_last_moment_a_slow_rise_is_expected_to_last(made, force, recruited):
+    """A patient crossing may begin 1 N earlier, but the demand may also stop there."""
+    machine = Machine(made(), 1)
+    machine.tell(200.0, 1.0, duration=20.0)
+    assert bool(machine.tell(force, 1.0, patience=2.0)[1]) == recruited
+
+
+def test_a_rise_within_the_tolerance_is_none(made):
+    """5 mN/s: the end of a filter, or noise."""
+    machine = Machine(made(), 1)
+    machine.tell(200.0, 5e-3, duration=6.0)
+    assert machine.tell(242.0, 1.0)[1] == ''
+
+
 def test_a_constant_demand_is_near_the_limit_as_long_as_that_has_been_falling(made):
     """The strain takes 1 N/s from what RS1 gives, for 6 s."""
     machine = Machine(made(), 1)
