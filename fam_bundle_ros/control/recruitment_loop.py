@@ -187,7 +187,6 @@ def start_recruitment(settings: Any, state: Any, command: Any) -> None:
     free_friction(state.table)
     state.crossings.count = state.jump.on = state.jump.fresh = 0
     state.jump.kind, state.jump.since, state.jump.still = -1, math.inf, math.inf
-    state.jump.rate = state.jump.rise = state.jump.climb = 0.0
     state.heading_kind, state.clock, state.begun, state.lost = -1, 0.0, False, 0.0
     vent(command)
 
