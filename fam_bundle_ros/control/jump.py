@@ -16,7 +16,7 @@ from fam_bundle_ros.control.outer_loop import FORCE
 #: Share of the largest force: a demand that changes by more than this from one tick to the next is
 #: a step, not a rate (of the whole range in 0.7 s, at ticks of 4 ms).
 STEP_SHARE = 0.006
-#: N: smaller changes of a demand do not count, and demands missed by less count as met.
+#: N: smaller differences of a demand do not count: steps, what is missing, distances to a limit.
 TOLERANCE = 0.1
 
 
@@ -92,7 +92,7 @@ def is_climbing(settings: Any, jump: Any) -> bool:
 
 
 def step_of(settings: Any, jump: Any, kind: int, value: float, rate: float, dt: float) -> float:
-    """Return the size of a step of a force reference since the tick before, N; 0 for none."""
+    """Remember the reference; return the size of its step since the tick before, N; 0 for none."""
     jump.since += dt
     jump.still += dt
     change = value - jump.reference if kind == FORCE and jump.kind == FORCE else 0.0

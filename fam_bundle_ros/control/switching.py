@@ -12,6 +12,7 @@ from typing import Any
 
 from fam_bundle_ros.control.crossing import crossing_time
 from fam_bundle_ros.control.curves import limit_without_adaptation, reach_below
+from fam_bundle_ros.control.jump import TOLERANCE
 from fam_bundle_ros.control.reasons import (
     ABSENT,
     AHEAD,
@@ -28,8 +29,6 @@ from fam_bundle_ros.control.reasons import (
 
 #: s: lead of a rising demand over its reference, which ends when the demand stops rising.
 _LEAD = 0.01
-#: N: least force that a useful unit adds; a demand this close to the limit needs the unit.
-_LITTLE = 0.1
 POLICIES = ('neglect', 'hysteresis', 'reversal_aware')
 NEGLECT, HYSTERESIS, REVERSAL_AWARE = 0, 1, 2
 
@@ -309,12 +308,12 @@ def update_times(settings: Any, machine: Any, table: Any, demand: Any, release: 
         machine.reserve[k] = max(machine.reserve[k], table.bottom_pressure[table.order[k]])
         last = k == machine.state - 1
         force = max(demand.force, asked(machine, demand)) if last else demand.force
-        if force > table.top[k] - _LITTLE:
+        if force > table.top[k] - TOLERANCE:
             machine.needed[k], machine.stiffens[k] = 1, 0
             if last:
                 machine.ahead = 0.0
     machine.rising = machine.rising + dt if demand.own_rate > 0.0 else 0.0
-    nears = demand.rate * settings.absence_time > _LITTLE
+    nears = demand.rate * settings.absence_time > TOLERANCE
     machine.nearing = machine.nearing + dt if nears else 0.0
     machine.absent = machine.absent + dt if below else 0.0
     machine.calm = machine.calm + dt if below and resting else 0.0
@@ -326,7 +325,7 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     limit, crossing = table.top[state], table.crossing[state]
     # A unit that cannot add force at this strain or limit is of no use, unless others follow.
     added = table.top[state + 1] - limit
-    if table.top[-1] - limit < _LITTLE:
+    if table.top[-1] - limit < TOLERANCE:
         return NONE
     if force > recruit:
         return FROM_REST if state == 0 else BEYOND
@@ -350,7 +349,7 @@ def why_recruit(settings: Any, machine: Any, table: Any, demand: Any, recruit: f
     # One standard deviation, a third of the margin, is enough at first: a needless recruitment
     # costs air, a late one a force dip that cannot be compensated. Inside the overlap part of the
     # dip is already certain, so the level rises and the horizon shrinks.
-    late = min(max((force - crossing) / max(limit - crossing, _LITTLE), 0.0), 1.0)
+    late = min(max((force - crossing) / max(limit - crossing, TOLERANCE), 0.0), 1.0)
     level = limit + (recruit - limit) * (1.0 + 2.0 * late) / 3.0
     horizon, climb = settings.horizon, 0.0
     if force + max(demand.step, soon) > crossing and not machine.wary:
