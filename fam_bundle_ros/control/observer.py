@@ -42,6 +42,9 @@ _FADES = 0.5 * PATIENT_TIME
 _ODDS = math.log(1000.0 * _BANK)
 #: N: a change of this size may be noise, whatever the estimate.
 _USUAL = 0.1
+#: Differences beyond this multiple of the mean size of the second differences are outliers: of
+#: normal noise one second difference in 700, and one first difference in 30 million.
+_OUTLIER = 4.0
 
 
 @dataclass
@@ -70,6 +73,8 @@ class ObserverState:
         Error one and two ticks ago.
     change : float, N
         Mean size of the error's second differences; ``seen``: number of samples.
+    doubted : bool
+        The last reading was not confirmed: see `confirmed`.
     bank : list (4,), N
         Faster observers, the fastest last.
     lead : list (4,)
@@ -90,6 +95,7 @@ class ObserverState:
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
+    doubted: bool = False
     bank: list[float] = field(default_factory=lambda: [0.0] * _BANK)
     lead: list[float] = field(default_factory=lambda: [0.0] * _BANK)
 
@@ -110,6 +116,7 @@ def forget_observer(state: Any) -> None:
     state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
     state.seen = 0
+    state.doubted = False
     for k in range(_BANK):
         state.bank[k] = state.lead[k] = 0.0
 
@@ -121,6 +128,25 @@ def begin_at(state: Any, error: float) -> None:
     state.patient_power = error * error
     for k in range(_BANK):
         state.bank[k] = error
+
+
+def confirmed(state: Any, value: float, least: float) -> float:
+    """
+    Return a reading that the one before confirms, else the one before.
+
+    A reading that departs from it by more than noise does, and by more than ``least``, may be a
+    spike. If the next one departs as well, it was a change, and acts one sample late.
+
+    Parameters
+    ----------
+    state : ObserverState, RateState
+        Memory of the noise (`learn_noise`); ``doubted`` is written.
+    value, least : float
+        In the units of the signal.
+    """
+    sudden = state.seen >= 3 and abs(value - state.last) > _OUTLIER * state.change + least
+    state.doubted = sudden and not state.doubted
+    return state.last if state.doubted else value
 
 
 def low_pass(dt: float, time: float) -> float:
@@ -306,7 +332,7 @@ def mean_change(mean: float, change: float, usual: float, seen: int, dt: float) 
         return change
     gain = max(low_pass(dt, _LEARN_TIME), 1.0 / (seen - 2))
     # Clip outliers: they are steps, not noise.
-    return mean + gain * (min(change, 4.0 * mean + usual) - mean)
+    return mean + gain * (min(change, _OUTLIER * mean + usual) - mean)
 
 
 def quick_noise(state: Any, time: float, dt: float) -> float:

@@ -69,6 +69,8 @@ class RateState:
         Strain one and two ticks ago, mean size of second differences; ``seen``: number of samples.
     lately : float
         The same mean over the shortest window.
+    doubted : bool
+        The last reading was not confirmed: see `observer.confirmed`.
     """
 
     reading: float = 0.0
@@ -90,13 +92,14 @@ class RateState:
     change: float = 0.0
     seen: int = 0
     lately: float = 0.0
+    doubted: bool = False
 
 
 def forget_rate(state: Any) -> None:
     """Reset."""
     state.rate = state.slope = state.quick = state.change = state.lately = 0.0
     state.direction, state.ended, state.since = 0, 0, math.inf
-    state.seen = 0
+    state.seen, state.doubted = 0, False
 
 
 def quiet_rate(state: Any, strain: float, dt: float) -> float:

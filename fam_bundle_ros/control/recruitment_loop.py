@@ -50,7 +50,7 @@ from fam_bundle_ros.control.friction import half_band, is_settled, learn_frictio
 from fam_bundle_ros.control.heading import heading_of, HeadingState
 from fam_bundle_ros.control.inverse import hold_bottoms, place_bottoms, Shares, total_of
 from fam_bundle_ros.control.jump import begin_jump, Jump, step_of, TOLERANCE
-from fam_bundle_ros.control.observer import quick_noise, quick_of, take_out_late
+from fam_bundle_ros.control.observer import confirmed, quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
@@ -75,6 +75,7 @@ from fam_bundle_ros.control.reference_memory import (
     leave_reference,
 )
 from fam_bundle_ros.control.saturation import FREE, GAP, HIGH, LOW
+from fam_bundle_ros.control.signals import MeasurementRecord
 from fam_bundle_ros.control.softness import set_softness
 from fam_bundle_ros.control.spread import ALL_ON, EQUAL_PRESSURE, spread
 from fam_bundle_ros.control.strain_prediction import (
@@ -137,6 +138,8 @@ class RecruitmentState:
         Allocation after all crossings, and now.
     jump : Jump
         The last step of a force reference.
+    reading : MeasurementRecord
+        Readings of this tick without spikes of force and strain: see `observer.confirmed`.
     """
 
     table: CurveTable
@@ -151,6 +154,7 @@ class RecruitmentState:
     shares: Shares
     jump: Jump
     adaptation: AdaptationState
+    reading: MeasurementRecord
     rate: RateState = field(default_factory=RateState)
     prediction: PredictionState = field(default_factory=PredictionState)
     outer: OuterState = field(default_factory=OuterState)
@@ -171,7 +175,8 @@ def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentSt
     return RecruitmentState(
         curve_table(order, grid, pushes_back), [0] * n, heading_of(1), heading_of(n + 1),
         MachineState([0.0] * n, [1] * n, [0] * n), no_crossings(n), [0] * n, [math.nan] * n,
-        shares(), shares(), Jump([0.0] * n), adaptation_state(n))
+        shares(), shares(), Jump([0.0] * n), adaptation_state(n),
+        MeasurementRecord(0.0, 0.0, 0.0, [0.0] * n))
 
 
 def start_recruitment(settings: Any, state: Any, command: Any) -> None:
@@ -253,12 +258,13 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
                       state.table.order, settings.max_pressure, settings.still, measurement, kind,
                       value, dt, command)
         return
-    table, outer = state.table, state.outer
+    table, outer, reading = state.table, state.outer, state.reading
+    take_reading(settings, state, measurement)
     # The strain loop damps with the measured rate; the model takes a filtered one.
     direction = state.rate.direction
     before = state.rate.rate if direction != 0 else 0.0
-    strain_rate = quiet_rate(state.rate, measurement.strain, since)
-    strain = measurement.strain
+    strain_rate = quiet_rate(state.rate, reading.strain, since)
+    strain = reading.strain
     if len(model.path) > 0:
         strain = quiet_strain(state.rate, since)
     state.clock = state.clock + dt if state.begun else 0.0
@@ -268,21 +274,22 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     known = 0.0
     if turned:
         set_moment(table, strain, before, state.clock, dt, start)
-        known = believed_force(table, model, measurement.pressure, state.adaptation.force)
+        known = believed_force(table, model, reading.pressure, state.adaptation.force)
     set_moment(table, strain, strain_rate, state.clock, dt, start)
-    force = believed_force(table, model, measurement.pressure, state.adaptation.force)
+    force = believed_force(table, model, reading.pressure, state.adaptation.force)
+    error = confirmed(outer.observer, measurement.force - force, settings.step)
+    reading.force = force + error
     if turned:
         jump = force - known
-        state.adaptation.believed += jump * take_out_late(
-            outer.observer, measurement.force - force, jump)
+        state.adaptation.believed += jump * take_out_late(outer.observer, error, jump)
     believed = lagged(state.adaptation, force, dt)
-    adapt(settings.adaptation, state, measurement.force, dt, settings.outer.feedback)
+    adapt(settings.adaptation, state, reading.force, dt, settings.outer.feedback)
     learnt = state.adaptation
     stepped = step_of(settings, state.jump, kind, value, rate, dt)
     if stepped > 0.0:
         # The offset from the force at `enable` belongs to the reference before.
         outer.fade = 0.0
-    outer_step(settings.outer, outer, measurement, believed,
+    outer_step(settings.outer, outer, reading, believed,
                outer.demand - state.shares.missing, loop_error(table, command.pressure), kind,
                value, rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
     crossing = state.crossings.count > 0
@@ -291,10 +298,10 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
     # The tracking error during a crossing is not due to the lag.
     if kind == FORCE and command.saturated == FREE and not crossing:
         learn_lead(settings.adaptation, learnt, outer.observer.weight,
-                   value - outer.behind * rate - measurement.force, rate, outer.lag, dt)
+                   value - outer.behind * rate - reading.force, rate, outer.lag, dt)
     # Predicted strain when the commanded pressures are reached.
     ahead = command_lag(settings.outer, dt)
-    coming = strain_ahead(state.prediction, state.rate, measurement.strain, strain_rate, ahead, dt)
+    coming = strain_ahead(state.prediction, state.rate, reading.strain, strain_rate, ahead, dt)
     if len(model.path) > 0 and state.rate.direction == 0:
         coming = strain
     follows = kind == STRAIN and settings.outer.feed_forward
@@ -339,6 +346,16 @@ def is_usable(measurement: Any, kind: int, value: float, rate: float) -> bool:
             and abs(measurement.strain_rate) <= _MOST_RATE
             and abs(total_of(measurement.pressure)) <= _MOST_PRESSURE
             and abs(value) <= most and abs(rate) <= _MOST_RATE * most)
+
+
+def take_reading(settings: Any, state: Any, measurement: Any) -> None:
+    """Write the readings of this tick but for the force; a spike of the strain is left out."""
+    reading, rate = state.reading, state.rate
+    reading.strain = confirmed(rate, measurement.strain, settings.outer.strain_reach)
+    if not rate.doubted:
+        reading.strain_rate = measurement.strain_rate
+    for unit in range(len(reading.pressure)):
+        reading.pressure[unit] = measurement.pressure[unit]
 
 
 def loop_error(table: Any, pressure: Any) -> float:

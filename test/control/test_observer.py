@@ -14,6 +14,7 @@ from fam_bundle_ros.control.observer import (
     average,
     begin_at,
     beyond_noise,
+    confirmed,
     forget_observer,
     learn_noise,
     low_pass,
@@ -47,6 +48,20 @@ def test_noise_alone_is_no_error():
     """Of 0.9 N of noise a model that is right gets less than 0.05 N (rms) into its demand."""
     _, found = observed(lambda t: 0.0, 20.0)
     assert (sum(bias * bias for bias in found) / len(found)) ** 0.5 < 0.05
+
+
+def test_a_reading_far_from_the_one_before_counts_once_the_next_confirms_it():
+    """Every second reading may be a spike; noise, small steps and the first readings are none."""
+    state, _ = observed(lambda t: 0.0, 2.0)
+    state.last, rest = 0.1, 2.0
+    assert [confirmed(state, value, rest) for value in (50.0, 0.2, 50.0, 49.0, 50.0)] == [
+        0.1, 0.2, 0.1, 49.0, 0.1]
+    assert confirmed(state, 51.0, rest) == 51.0
+    assert confirmed(state, 0.1 + 4.0 * NOISE, rest) == 0.1 + 4.0 * NOISE
+    assert confirmed(ObserverState(), 50.0, rest) == 50.0
+    state.change = 0.0
+    assert confirmed(state, 2.0, rest) == 2.0
+    assert confirmed(state, 2.2, rest) == 0.1
 
 
 @pytest.mark.parametrize('rate', [1.0, 4.0, 16.0])

@@ -515,6 +515,32 @@ def test_one_absurd_number_leaves_no_trace(paper_bundle, broken):
     assert paper_bundle.force(0.1, bench.pressure) == pytest.approx(60.0, abs=0.5)
 
 
+@pytest.mark.parametrize(('kind', 'value'), [('force', 60.0), ('strain', 0.1)])
+@pytest.mark.parametrize('spike', [(200.0, 0.0), (-200.0, 0.0), (0.0, 0.1), (0.0, -0.05)])
+def test_a_spike_of_a_sensor_moves_no_pressure(paper_bundle, kind, value, spike):
+    """A single reading of force (N) or strain far from those before and after it."""
+    bench = Bench(paper_bundle, 0.1, noise=0.3)
+    bench.hold(60.0, 1.0)
+    [bench.update(value, kind=kind) for _ in range(200)]
+    held = bench.pressure
+    force = float(paper_bundle.force(0.1, held))
+    told = [bench.controller.update(
+        DT, Measurement(force + spike[0], 0.1 + spike[1], spike[1] / DT, held),
+        Reference(kind, value, 0.0)).pressure]
+    told += [bench.update(value, kind=kind).pressure for _ in range(20)]
+    assert np.abs(np.array(told) - held).max() < 1e3
+
+
+def test_a_change_of_the_force_that_lasts_acts_with_its_second_reading(paper_bundle):
+    """A load that is hung on is no spike."""
+    bench = Bench(paper_bundle, 0.1)
+    held = bench.hold(60.0, 1.0)[-1].pressure
+    commands = [bench.controller.update(DT, Measurement(40.0, 0.1, 0.0, held),
+                                        Reference('force', 60.0, 0.0)) for _ in range(2)]
+    assert commands[0].pressure == pytest.approx(held, abs=500.0)
+    assert commands[1].pressure.sum() > held.sum() + 5e3
+
+
 def test_user_order_is_followed(bundles):
     """With the order given, that unit is filled first."""
     bench = Bench(bundles[3], 0.1, order=(2, 0, 1), outer=OPEN)
