@@ -116,7 +116,6 @@ def forget_observer(state: Any) -> None:
     state.asked = state.short = state.short_power = 0.0
     state.power = state.patient_power = state.last = state.before = state.change = 0.0
     state.seen = 0
-    state.doubted = False
     for k in range(_BANK):
         state.bank[k] = state.lead[k] = 0.0
 

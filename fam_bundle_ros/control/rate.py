@@ -99,7 +99,7 @@ def forget_rate(state: Any) -> None:
     """Reset."""
     state.rate = state.slope = state.quick = state.change = state.lately = 0.0
     state.direction, state.ended, state.since = 0, 0, math.inf
-    state.seen, state.doubted = 0, False
+    state.seen = 0
 
 
 def quiet_rate(state: Any, strain: float, dt: float) -> float:
