@@ -126,6 +126,21 @@ def forget_baseline(state: Any) -> None:
     state.kind, state.state, state.since = -1, 0, math.inf
 
 
+def begin_baseline(settings: Any, state: Any, equal: bool, order: Any, limits: Any, pressure: Any
+                   ) -> None:
+    """
+    Start the integral from present pressures (n,), Pa; equal ones for about the same force.
+
+    The other arguments are those of `baseline_step`.
+    """
+    for k in range(len(limits)):
+        unit = order[k]
+        if equal:
+            state.integral += settings.share[unit] * pressure[unit] / highest(limits)
+        elif pressure[unit] > _END:
+            state.state, state.integral = k + 1, pressure[unit] / limits[unit]
+
+
 def baseline_step(settings: Any, state: Any, equal: bool, order: Any, limits: Any, still: float,
                   measurement: Any, kind: int, value: float, dt: float, command: Any) -> None:
     """

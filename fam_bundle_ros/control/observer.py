@@ -65,6 +65,8 @@ class ObserverState:
     asked, short : float, N
         Model force at the commanded pressures, with the lag of the loop; integral of the part that
         is missing at the measured pressures (a sticking valve).
+    slow : float, N
+        Model force at the measured pressures, filtered with the time constant of ``short``.
     short_power : float, N^2
         Mean square of ``short``.
     power, patient_power : float, N^2
@@ -73,8 +75,8 @@ class ObserverState:
         Error one and two ticks ago.
     change : float, N
         Mean size of the error's second differences; ``seen``: number of samples.
-    doubted : bool
-        The last reading was not confirmed: see `confirmed`.
+    sudden : bool
+        The last reading departed from the one before: see `confirmed`.
     bank : list (4,), N
         Faster observers, the fastest last.
     lead : list (4,)
@@ -87,6 +89,7 @@ class ObserverState:
     patient: float = 0.0
     steady: float = 0.0
     asked: float = 0.0
+    slow: float = 0.0
     short: float = 0.0
     short_power: float = 0.0
     power: float = 0.0
@@ -95,7 +98,7 @@ class ObserverState:
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
-    doubted: bool = False
+    sudden: bool = False
     bank: list[float] = field(default_factory=lambda: [0.0] * _BANK)
     lead: list[float] = field(default_factory=lambda: [0.0] * _BANK)
 
@@ -131,21 +134,21 @@ def begin_at(state: Any, error: float) -> None:
 
 def confirmed(state: Any, value: float, least: float) -> float:
     """
-    Return a reading that the one before confirms, else the one before.
+    Return a reading, or the one before if it departs from that and no other confirms it yet.
 
-    A reading that departs from it by more than noise does, and by more than ``least``, may be a
-    spike. If the next one departs as well, it was a change, and acts one sample late.
+    A reading that departs from the one before by more than noise does, and by more than ``least``,
+    may be a spike. If the next one departs as well, it was a change, and acts one sample late.
 
     Parameters
     ----------
     state : ObserverState, RateState
-        Memory of the noise (`learn_noise`); ``doubted`` is written.
+        Memory of the noise (`learn_noise`); ``sudden`` is written.
     value, least : float
         In the units of the signal.
     """
-    sudden = state.seen >= 3 and abs(value - state.last) > _OUTLIER * state.change + least
-    state.doubted = sudden and not state.doubted
-    return state.last if state.doubted else value
+    before = state.sudden
+    state.sudden = state.seen >= 3 and abs(value - state.last) > _OUTLIER * state.change + least
+    return state.last if state.sudden and not before else value
 
 
 def low_pass(dt: float, time: float) -> float:
@@ -170,7 +173,8 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
         Measured force; model force at the measured, and at the last commanded pressures.
     reach : float, N
         Largest difference of ``asked`` and ``believed`` in normal operation. More is a transient,
-        or a unit that does not respond: it is integrated slowly, by this much in 2.5 s.
+        integrated slowly (by this much in 2.5 s), or, if ``believed`` rests, a unit that does not
+        respond.
     time : float, s
         Time constant of the fastest observer.
     dt : float, s
@@ -194,17 +198,20 @@ def observe(state: Any, measured: float, believed: float, asked: float, reach: f
     power = max(state.power, _AT_ONCE * left * left)
     state.weight = beyond_noise(power, quick_noise_square)
     if state.seen == 1:
-        state.asked = believed
+        state.asked = state.slow = believed
     state.asked += gain * (asked - state.asked)
     # Subtract what the lag alone can explain.
     missing = state.asked - believed
     late = abs(asked - state.asked)
     missing = math.copysign(max(abs(missing) - late, 0.0), missing)
     share = low_pass(dt, _SHORT * time)
+    state.slow += share * (believed - state.slow)
     change = share * (missing - state.short)
     if missing * change > 0.0 and abs(missing) > reach:
-        # A transient, unless it lasts: a unit that is at the limit of its supply, or leaks.
-        most = low_pass(dt, _LONG * PATIENT_TIME) * reach
+        # A transient, unless it lasts: a unit that is at the limit of its supply, leaks or sticks.
+        patience = _LONG * PATIENT_TIME
+        lasting = abs(missing) - abs(believed - state.slow) * patience / (_SHORT * time)
+        most = low_pass(dt, patience) * max(lasting, reach)
         change = min(max(change, -most), most)
     state.short += change
     state.short_power += low_pass(dt, _LEARN_TIME) * (

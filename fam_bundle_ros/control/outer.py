@@ -3,6 +3,8 @@
 """Settings of the outer loops (`outer_loop`), and the model of the load."""
 
 from dataclasses import dataclass
+from itertools import pairwise
+import math
 from typing import Any
 
 import numpy as np
@@ -36,6 +38,18 @@ class LoadModel:
     inertia: float = 0.0
     damping: float = 0.0
     table: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self):
+        """Check the numbers, and the order of the table."""
+        for name in ('force', 'stiffness', 'inertia', 'damping'):
+            value = getattr(self, name)
+            if not math.isfinite(value) or (name in ('inertia', 'damping') and value < 0.0):
+                raise InputError(f'{name} of the load is {value}; expected a finite number'
+                                 + (', 0 or more' if name in ('inertia', 'damping') else ''))
+        if not (all(math.isfinite(number) for point in self.table for number in point)
+                and all(first[0] < second[0] for first, second in pairwise(self.table))):
+            raise InputError(f'table of the load is {self.table}; expected finite numbers, and '
+                             'strains that rise')
 
     @property
     def known(self) -> bool:
@@ -130,14 +144,14 @@ class OuterConfig:
             raise InputError(f'reading_share is {self.reading_share}; expected 0 to 1')
         for name in ('bias_time', 'filter_time', 'fade_time'):
             value = getattr(self, name)
-            if value is not None and not value > 0.0:
-                raise InputError(f'{name} is {value}; expected more than 0 s')
+            if value is not None and not 0.0 < value < math.inf:
+                raise InputError(f'{name} is {value}; expected a finite number, more than 0 s')
         for name in ('force_gain', 'force_integral', 'strain_gain', 'strain_integral',
                      'strain_damping', 'strain_reach', 'still', 'lead_time', 'delay',
                      'gain_error'):
             value = getattr(self, name)
-            if value is not None and not value >= 0.0:
-                raise InputError(f'{name} is {value}; expected 0 or more')
+            if value is not None and not 0.0 <= value < math.inf:
+                raise InputError(f'{name} is {value}; expected a finite number, 0 or more')
 
 
 def command_lag(outer: Any, dt: float) -> float:

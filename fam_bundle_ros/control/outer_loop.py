@@ -280,12 +280,18 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
     slowest = state.lag = math.hypot(command_lag(settings, dt) + dt + lag, lag_doubt)
     state.behind = settings.reading_share * settings.delay + GAUGE_SHARE * (
         lag + lead - settings.line_lag)
-    if settings.feedback:
+    taking_over, state.taking_over = state.taking_over, False
+    if settings.feedback and taking_over:
+        begin_at(state.observer, force - believed)
+    elif settings.feedback:
         time = slowest if math.isnan(settings.bias_time) else settings.bias_time
         observe(state.observer, force, believed, asked, reach, time, dt)
     switched = kind != state.kind
     if switched:
         state.kind, state.rate, state.bend, state.integral = kind, rate, 0.0, 0.0
+        if taking_over and kind == STRAIN:
+            # The integral corrects the error of the model there, not the observer.
+            state.integral = -state.observer.bias
         state.friction.heading, state.friction.reckoned = 0, quick_of(state.observer)
         state.aim = measurement.strain
         forget_load(state.load)
@@ -301,15 +307,12 @@ def outer_step(settings: Any, state: Any, measurement: Any, believed: float, ask
         known, correction = strain_loop(settings, state, measurement, value, rate, saturated,
                                         state.demand - asked, dt)
     held = state.demand
-    if state.taking_over:
-        state.taking_over = False
-        if settings.feedback:
-            begin_at(state.observer, force - believed)
-            correction -= state.observer.bias
+    if taking_over:
         held = state.taken - state.observer.bias
         state.fade = state.taken - known
-    if switched and kind == STRAIN and settings.feedback and not settings.load_known:
-        # The present force holds the unknown load: the integral starts from it.
+    unknown = kind == STRAIN and settings.feedback and not settings.load_known
+    if switched and unknown or taking_over and not settings.feed_forward:
+        # The present force holds the load: the integral starts from it.
         state.fade = 0.0
         state.integral += held - known - correction
         state.kept = correction = held - known

@@ -69,8 +69,8 @@ class RateState:
         Strain one and two ticks ago, mean size of second differences; ``seen``: number of samples.
     lately : float
         The same mean over the shortest window.
-    doubted : bool
-        The last reading was not confirmed: see `observer.confirmed`.
+    sudden : bool
+        The last reading departed from the one before: see `observer.confirmed`.
     """
 
     reading: float = 0.0
@@ -92,7 +92,7 @@ class RateState:
     change: float = 0.0
     seen: int = 0
     lately: float = 0.0
-    doubted: bool = False
+    sudden: bool = False
 
 
 def forget_rate(state: Any) -> None:

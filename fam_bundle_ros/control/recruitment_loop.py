@@ -28,6 +28,7 @@ from fam_bundle_ros.control.baselines import (
     baseline_step,
     BaselineSettings,
     BaselineState,
+    begin_baseline,
     forget_baseline,
     play,
 )
@@ -50,7 +51,7 @@ from fam_bundle_ros.control.friction import half_band, is_settled, learn_frictio
 from fam_bundle_ros.control.heading import heading_of, HeadingState
 from fam_bundle_ros.control.inverse import hold_bottoms, place_bottoms, Shares, total_of
 from fam_bundle_ros.control.jump import begin_jump, Jump, step_of, TOLERANCE
-from fam_bundle_ros.control.observer import confirmed, quick_noise, quick_of, take_out_late
+from fam_bundle_ros.control.observer import confirmed, quick_noise, quick_of, shift, take_out_late
 from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
@@ -132,6 +133,8 @@ class RecruitmentState:
         Time of the model; ``begun`` is false before the first tick.
     lost : float, s
         Time without a usable reading.
+    force : float, N
+        Model force of the tick before.
     units, fixed : list (n,)
         Active units in the order of filling; prescribed pressures, nan for the other units.
     final, shares : Shares
@@ -164,6 +167,7 @@ class RecruitmentState:
     clock: float = 0.0
     begun: bool = False
     lost: float = 0.0
+    force: float = 0.0
 
 
 def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentState:
@@ -224,6 +228,9 @@ def enable_step(settings: Any, model: Any, state: Any, measurement: Any, command
             max(pressure, 0.0), settings.max_pressure[unit])
         state.jump.base[unit] = command.pressure[unit]
     state.jump.on = 1
+    if settings.scheme >= EQUAL_PRESSURE:
+        begin_baseline(settings.baseline, state.baseline, settings.scheme == EQUAL_PRESSURE,
+                       table.order, settings.max_pressure, command.pressure)
     show_state(state, command)
     state.outer.taking_over, state.outer.taken = True, measurement.force
 
@@ -277,21 +284,25 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         known = believed_force(table, model, reading.pressure, state.adaptation.force)
     set_moment(table, strain, strain_rate, state.clock, dt, start)
     force = believed_force(table, model, reading.pressure, state.adaptation.force)
-    error = confirmed(outer.observer, measurement.force - force, settings.step)
-    reading.force = force + error
+    # The error of a gain changes by less than the model force does.
+    error = confirmed(outer.observer, measurement.force - force,
+                      settings.step + abs(force - state.force))
+    reading.force, state.force = force + error, force
     if turned:
         jump = force - known
         state.adaptation.believed += jump * take_out_late(outer.observer, error, jump)
-    believed = lagged(state.adaptation, force, dt)
-    adapt(settings.adaptation, state, reading.force, dt, settings.outer.feedback)
     learnt = state.adaptation
+    believed = lagged(learnt, force, dt)
+    gained = adapt(settings, state, reading.force, dt)
+    believed, state.force = believed + gained, state.force + gained
     stepped = step_of(settings, state.jump, kind, value, rate, dt)
     if stepped > 0.0:
         # The offset from the force at `enable` belongs to the reference before.
         outer.fade = 0.0
-    outer_step(settings.outer, outer, reading, believed,
-               outer.demand - state.shares.missing, loop_error(table, command.pressure), kind,
-               value, rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+    asked = outer.demand - state.shares.missing + gained
+    reach = loop_error(table, command.pressure)
+    outer_step(settings.outer, outer, reading, believed, asked, reach, kind, value, rate,
+               command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
     crossing = state.crossings.count > 0
     learn_friction(outer.friction, state.rate.direction, quick_of(outer.observer),
                    quick_noise(outer.observer, outer.lag, dt), crossing, outer.lag, dt)
@@ -352,7 +363,7 @@ def take_reading(settings: Any, state: Any, measurement: Any) -> None:
     """Write the readings of this tick but for the force; a spike of the strain is left out."""
     reading, rate = state.reading, state.rate
     reading.strain = confirmed(rate, measurement.strain, settings.outer.strain_reach)
-    if not rate.doubted:
+    if reading.strain == measurement.strain:
         reading.strain_rate = measurement.strain_rate
     for unit in range(len(reading.pressure)):
         reading.pressure[unit] = measurement.pressure[unit]
@@ -413,23 +424,37 @@ def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
     return total
 
 
-def adapt(settings: Any, state: Any, measured: float, dt: float, feedback: bool) -> None:
-    """Update the adaptation with the measured force (N), and apply its gains to the curves."""
-    if not settings.enabled:
-        return
-    learnt, table = state.adaptation, state.table
-    observer, friction = state.outer.observer, state.outer.friction
-    weight = (observer.sure if observer.seen >= FIRST else 0.0) if feedback else 1.0
+def adapt(settings: Any, state: Any, measured: float, dt: float) -> float:
+    """
+    Update the adaptation with the measured force (N), and apply its gains to the curves.
+
+    Return the force (N) that the model gains at the measured pressures. Observer and integral have
+    corrected it until now: they are reduced by it, so that no pressure moves.
+    """
+    if not settings.adaptation.enabled:
+        return 0.0
+    learnt, table, outer = state.adaptation, state.table, state.outer
+    weight = 1.0
+    if settings.outer.feedback:
+        weight = outer.observer.sure if outer.observer.seen >= FIRST else 0.0
     # Friction is no error of the gains. At rest it may take any value in its band.
-    half = half_band(friction)
-    if is_settled(friction, state.outer.lag):
-        measured += half * friction.moving
+    half = half_band(outer.friction)
+    if is_settled(outer.friction, outer.lag):
+        measured += half * outer.friction.moving
     elif half > 0.0:
         weight *= learnt.rest / (learnt.rest + half * half)
-    adaptation_step(settings, learnt, measured, dt, weight)
-    n = len(table.pull)
+    adaptation_step(settings.adaptation, learnt, measured, dt, weight)
+    n, gained = len(table.pull), 0.0
     for unit in range(n):
+        gained -= adapted(table, unit, learnt.force[unit])
         table.pull[unit], table.push[unit] = 1.0 + learnt.error[unit], 1.0 + learnt.error[n]
+        gained += adapted(table, unit, learnt.force[unit])
+    learnt.believed += gained
+    shift(outer.observer, -gained)
+    if outer.kind == STRAIN or not settings.outer.feed_forward:
+        outer.integral += gained
+        outer.kept += gained
+    return gained
 
 
 # --- output --------------------------------------------------------------------------------------

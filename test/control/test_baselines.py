@@ -77,6 +77,21 @@ def test_threshold_fills_one_unit_after_the_other(bundles):
     assert any('MU2' in text for _, text in log.decisions)
 
 
+@pytest.mark.parametrize(('scheme', 'pressure', 'kept'), [
+    ('equal_pressure', [150e3, 150e3], [150e3, 150e3]),
+    ('equal_pressure', [200e3, 0.0], [100e3, 100e3]),
+    ('threshold', [200e3, 0.0], [200e3, 0.0]),
+    ('threshold', [344.7e3, 90e3], [344.7e3, 90e3])])
+def test_enabling_goes_on_from_the_pressures_that_are_there(paper_bundle, scheme, pressure, kept):
+    """Equal pressure divides them among units by their force; in turn each unit keeps its own."""
+    loop = controller(paper_bundle, scheme)
+    measurement = Measurement(50.0, 0.1, 0.0, np.array(pressure))
+    loop.enable(measurement)
+    command = loop.update(5e-3, measurement, Reference('force', 50.0, 0.0))
+    assert command.pressure == pytest.approx(kept)
+    assert command.state == sum(p > 0.0 for p in kept)
+
+
 def test_gains_are_shares_of_what_the_bundle_gives(paper_bundle):
     """An error of the whole range of force answers with gain times the largest pressure."""
     full = paper_bundle.max_pressure

@@ -33,9 +33,17 @@ VENTED = Measurement(0.0, 0.1, 0.0, np.zeros(2))
     *((lambda name=name: PidConfig(**{name: -1e-3}), f'{name} is -0.001; expected 0 or more')
       for name in ('transport_delay', 'quiet_error', 'filter_time', 'flow_lag', 'reach')),
     (lambda: PidConfig(anti_windup='some'), "anti_windup is 'some'; expected one of"),
-    *((lambda name=name: OuterConfig(**{name: 0.0}), f'{name} is 0.0; expected more than 0 s')
+    *((lambda name=name: OuterConfig(**{name: 0.0}), f'{name} is 0.0; .* more than 0 s')
       for name in ('bias_time', 'filter_time', 'fade_time')),
-    *((lambda name=name: OuterConfig(**{name: math.nan}), f'{name} is nan; expected 0 or more')
+    (lambda: OuterConfig(bias_time=math.inf), 'bias_time is inf; expected a finite number'),
+    (lambda: OuterConfig(delay=math.inf), 'delay is inf; expected a finite number, 0 or more'),
+    *((lambda name=name: LoadModel(**{name: math.nan}), f'{name} of the load is nan; expected a')
+      for name in ('force', 'stiffness', 'inertia', 'damping')),
+    *((lambda name=name: LoadModel(**{name: -1.0}), f'{name} of the load is -1.0; .* 0 or more')
+      for name in ('inertia', 'damping')),
+    *((lambda table=table: LoadModel(table=table), 'finite numbers, and strains that rise')
+      for table in (((0.1, 5.0), (0.0, 1.0)), ((0.1, 5.0), (0.1, 6.0)), ((0.0, math.inf),))),
+    *((lambda name=name: OuterConfig(**{name: math.nan}), f'{name} is nan; .* 0 or more')
       for name in ('force_gain', 'force_integral', 'strain_gain', 'strain_integral',
                    'strain_damping', 'strain_reach', 'still', 'lead_time', 'delay',
                    'gain_error')),

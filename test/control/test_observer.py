@@ -50,13 +50,25 @@ def test_noise_alone_is_no_error():
     assert (sum(bias * bias for bias in found) / len(found)) ** 0.5 < 0.05
 
 
+@pytest.mark.parametrize(('rate', 'after', 'low', 'high'), [
+    (0.0, 6.0, 39.0, 41.0),   # a unit that stays where it is: the others have to replace it
+    (20.0, 1.9, 0.0, 2.0),    # one that fills for two seconds: it will be there
+])
+def test_force_that_is_asked_for_and_does_not_come_is_asked_for_again(rate, after, low, high):
+    """Of 60 N at the setpoints 20 N are there at the pressures, and the force agrees with that."""
+    state = ObserverState()
+    for k in range(round(after / DT)):
+        believed = 20.0 + rate * k * DT
+        observe(state, believed, believed, 60.0, 1.0, LAG, DT)
+    assert low <= -state.bias <= high
+
+
 def test_a_reading_far_from_the_one_before_counts_once_the_next_confirms_it():
     """Every second reading may be a spike; noise, small steps and the first readings are none."""
     state, _ = observed(lambda t: 0.0, 2.0)
     state.last, rest = 0.1, 2.0
-    assert [confirmed(state, value, rest) for value in (50.0, 0.2, 50.0, 49.0, 50.0)] == [
-        0.1, 0.2, 0.1, 49.0, 0.1]
-    assert confirmed(state, 51.0, rest) == 51.0
+    assert [confirmed(state, value, rest) for value in (50.0, 0.2, 50.0, 49.0, 90.0)] == [
+        0.1, 0.2, 0.1, 49.0, 90.0]
     assert confirmed(state, 0.1 + 4.0 * NOISE, rest) == 0.1 + 4.0 * NOISE
     assert confirmed(ObserverState(), 50.0, rest) == 50.0
     state.change = 0.0
@@ -255,13 +267,13 @@ def test_the_bank_goes_from_patient_to_quick_in_equal_ratios():
 
 
 @pytest.mark.parametrize(('missing', 'found'), [
-    (0.8, -0.8), (-0.8, 0.8), (3.0, -60.0 * LAG / 2.5), (-3.0, 60.0 * LAG / 2.5)])
+    (0.8, -0.8), (-0.8, 0.8), (3.0, -3.0 * 60.0 * LAG / 2.5), (-3.0, 3.0 * 60.0 * LAG / 2.5)])
 def test_what_pressures_do_not_give_is_asked_for_besides(missing, found):
-    """A valve that sticks by less than the reach; of more the reach in 2.5 s: it may be coming."""
+    """A valve that sticks by less than the reach; more than that only within 2.5 s."""
     state = ObserverState()
     for _ in range(round(60.0 * LAG / DT)):
         observe(state, 50.0, 50.0, 50.0 + missing, 1.0, LAG, DT)
-    assert state.bias == pytest.approx(found, abs=0.01)
+    assert state.bias == pytest.approx(found, abs=0.05)
 
 
 def test_a_pressure_that_stays_away_from_its_command_is_asked_for_within_noise():

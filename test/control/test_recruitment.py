@@ -395,6 +395,27 @@ def test_enabling_starts_from_the_pressures_that_are_there(paper_bundle):
         assert np.max(np.abs(first - pressure)) < 12e3
 
 
+@pytest.mark.parametrize('offset', [-8.0, 8.0])
+@pytest.mark.parametrize(('kind', 'told', 'feed_forward'), [
+    ('force', False, True), ('force', False, False), ('strain', False, True),
+    ('strain', True, True), ('strain', True, False)])
+def test_enabling_holds_a_load_that_the_model_does_not_explain(paper_bundle, offset, kind, told,
+                                                               feed_forward):
+    """At rest at its reference no pressure moves, though the muscles pull 8 N more or less."""
+    pressure = np.array([247e3, 0.0])
+    force = float(paper_bundle.force(0.08, pressure)) + offset
+    controller = RecruitmentController(paper_bundle, ControllerConfig(
+        load=LoadModel(force=force) if told else LoadModel(),
+        outer=OuterConfig(feed_forward=feed_forward)))
+    measurement = Measurement(force, 0.08, 0.0, pressure)
+    controller.enable(measurement)
+    reference = Reference(kind, force if kind == 'force' else 0.08, 0.0)
+    for _ in range(200):
+        assert controller.update(DT, measurement, reference).pressure == pytest.approx(
+            pressure, abs=50.0)
+    assert abs(controller.memory.table.pull[0] - 1.0) > 0.05  # and has learnt meanwhile
+
+
 @pytest.mark.parametrize('pressure', [[200e3, 200e3], [150e3, 300e3]])
 def test_after_enabling_units_return_to_filling_in_turn_without_a_bump(paper_bundle, pressure):
     """From the pressures of another controller; no valve has to be fast for the force to stay."""
