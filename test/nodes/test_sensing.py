@@ -14,6 +14,9 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.diagnostics import Report
+from fam_bundle_ros.nodes.model_monitor import ModelMonitor
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.units import FASTEST
 
 
@@ -79,6 +82,23 @@ def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):
         orders.publish(Bool(data=True))
     graph.until(lambda: not mistakes, 'all')
     assert len([key for key in graph.probe._said if 'orders' in key]) == 2
+
+
+def test_diagnostics_of_each_node_say_why_it_refuses_a_reading(graph):
+    """The driver's author sees which joint is missing, until the readings are right."""
+    graph.add(PressurePidNode(1, context=graph.context), RecruitmentNode(context=graph.context),
+              ModelMonitor(context=graph.context))
+    states = [graph.diagnostics(name) for name in
+              ('pressure_pid_mu1', 'recruitment_controller', 'model_monitor')]
+    strain = graph.probe.create_publisher(JointState, 'strain', 10)
+
+    def told(joint):
+        strain.publish(JointState(name=[joint], position=[0.1]))
+        return [bool(state) and state[-1].level > b'\x00' and
+                "refused: a strain message names the joints foo; expected 'strain' or "
+                "'contraction'" in state[-1].message for state in states]
+    graph.until(lambda: all(told('foo')), 'the reason')
+    graph.until(lambda: not any(told('strain')), 'diagnostics without it')
 
 
 @pytest.mark.parametrize(('rate', 'told'), [(200.0, True), (15.0, False), (1.0, True)])
