@@ -51,6 +51,21 @@ def test_a_velocity_that_no_muscle_has_is_as_good_as_none(graph, velocity):
     assert ('velocity' in node._said) == (velocity != [] and not math.isnan(velocity[0]))
 
 
+@pytest.mark.parametrize('rate', [0.0, 0.5])
+def test_a_spike_leaves_no_trace_in_the_rate_of_a_strain(rate):
+    """At rest and in motion: two spikes in a second, and a jump that stays, a sample late."""
+    differentiated = sensing.StrainRate()
+
+    def rates(begin, spikes, jump=0.0):
+        return [differentiated.update(k * 5_000_000, rate * k * 5e-3 + jump + spikes.get(k, 0.0))
+                for k in range(begin, begin + 200)]
+    assert rates(0, {50: 0.04, 120: -0.2})[40:] == pytest.approx([rate] * 160, abs=1e-3)
+    jumped = rates(200, {}, 0.02)
+    assert jumped[0] == pytest.approx(rate)
+    assert jumped[1] > rate + 1.0
+    assert jumped[-1] == pytest.approx(rate)
+
+
 @pytest.mark.parametrize('velocity', [[], [100.0]])
 def test_a_strain_that_moves_faster_than_any_muscle_is_no_reading(graph, velocity):
     """Percent for a ratio: near zero each reading is one that a muscle may have."""
