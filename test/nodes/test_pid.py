@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pressure PID node with the simulated rig."""
 
+import math
 import time
 
 import pytest
@@ -400,14 +401,14 @@ def test_a_spike_of_the_strain_is_no_fault_of_the_pressure(graph, pair, spike):
 
 
 def test_a_strain_that_jumps_for_good_counts_from_its_second_reading(graph):
-    """Strain and velocity of the first are left out: either may be a spike."""
+    """Strain and velocity of the first are left out: either may be a spike; also after a loss."""
     node = graph.add(PressurePidNode(1, context=graph.context))
-    seen = []
-    for strain, rate in [(0.1, 0.0)] * 5 + [(0.2, 4.0), (0.2, 0.5), (0.2, 0.5)]:
+    lost, seen = (math.nan, math.nan), []
+    for strain, rate in [(0.1, 0.0)] * 5 + [lost, (0.1, 0.0), (0.2, 4.0)] + [(0.2, 0.5)] * 2:
         node._on_strain(interface.strain_message(graph.probe.now_ns(), strain, rate, 0.127))
-        seen.append(node._air.strain.value(1.0))
-    assert [strain for strain, _ in seen] == pytest.approx([0.1] * 6 + [0.2] * 2)
-    assert [rate for _, rate in seen] == pytest.approx([0.0] * 6 + [0.5] * 2)
+        seen.append(node._air.strain.value(5.0))
+    assert seen[5] == pytest.approx(lost, nan_ok=True)
+    assert seen[6:] == [pytest.approx(pair) for pair in [(0.1, 0.0)] * 2 + [(0.2, 0.5)] * 2]
 
 
 def test_strain_and_supply_expire(graph):
