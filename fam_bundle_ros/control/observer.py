@@ -105,12 +105,13 @@ class ObserverState:
 
 @dataclass
 class NoiseState:
-    """Memory of `learn_noise` for any signal; fields as in `ObserverState`."""
+    """Memory of `learn_noise` and `confirmed` for any signal; fields as in `ObserverState`."""
 
     last: float = 0.0
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
+    sudden: bool = False
 
 
 def forget_observer(state: Any) -> None:
@@ -141,7 +142,7 @@ def confirmed(state: Any, value: float, least: float) -> float:
 
     Parameters
     ----------
-    state : ObserverState, RateState
+    state : ObserverState, RateState, NoiseState
         Memory of the noise (`learn_noise`); ``sudden`` is written.
     value, least : float
         In the units of the signal.

@@ -343,7 +343,7 @@ class SensorWatch:
         config = self.config
         since = now - self._seen if self._seen is not None else 0.0
         stuck = 0.0 < config.stuck_time <= self._moving
-        if value != self._value or not (moving or stuck):
+        if value != self._value or math.isinf(value) or not (moving or stuck):
             self._moving = 0.0
         elif moving:
             # A stuck reading stays stuck while the valve is shut, where a repeat is expected.

@@ -90,6 +90,8 @@ class BundleNode(Node):
         # now, so that the first fault does not wait for its line.
         inspect.getframeinfo(sys._getframe())
         self._said: dict[str, float] = {}
+        #: For each topic, number of messages refused since the last report, and the last reason.
+        self.refused: dict[str, tuple[int, str]] = {}
         self._streams: list[Publisher] = []
         try:
             self.p = Parameters(self, (*COMMON, *specs))
@@ -150,7 +152,7 @@ class BundleNode(Node):
     def subscribe(self, topic: str, kind: Any, callback: Callable[[Any], Any],
                   qos: QoSProfile | None = None, each: bool = False) -> Subscription:
         """
-        Return a subscription; a message that cannot be read is logged and dropped.
+        Return a subscription; a message that cannot be read is logged, reported and dropped.
 
         The default QoS is that for samples and commands. In a stream of them, errors that differ
         only in a number are logged as the same error; with ``each``, for messages that are sent
@@ -162,6 +164,7 @@ class BundleNode(Node):
             except InputError as error:
                 same = str(error) if each else _NUMBER.sub('', str(error))
                 self.say(f'bad {topic} {same}', f'{topic}: {error}')
+                self.refused[topic] = self.refused.get(topic, (0, ''))[0] + 1, str(error)
 
         return self.create_subscription(
             kind, topic, guarded, qos or interface.stream_qos(self.lock_step),

@@ -86,7 +86,7 @@ class Meter:
 
 class Diagnostics:
     """
-    Publishes a node's reports, which ``fill`` fills.
+    Publishes a node's reports, which ``fill`` fills; messages that it refused are added.
 
     ``hardware`` is ``simulated`` or ``rig``, where the node knows.
     """
@@ -102,6 +102,9 @@ class Diagnostics:
         """Publish a report now."""
         report = Report()
         self._fill(report)
+        for topic, (count, why) in self._node.refused.items():
+            report.add(WARN, f'{topic}: {count} refused: {why}')
+        self._node.refused.clear()
         status = DiagnosticStatus(
             level=bytes([report.level]), name=self._node.get_fully_qualified_name()[1:],
             message='; '.join(report.messages) or 'OK', hardware_id=self._hardware,

@@ -15,7 +15,9 @@ import numpy as np
 
 from fam_bundle_ros.control import PidConfig
 from fam_bundle_ros.control.agreement import SupplyWatch
+from fam_bundle_ros.control.observer import confirmed, learn_noise, NoiseState
 from fam_bundle_ros.control.plausibility import InflowConfig, InflowWatch
+from fam_bundle_ros.control.rate import USUAL_NOISE
 from fam_bundle_ros.control.safety import LATCH_TIME, OVER_PRESSURE_FACTOR, SUPPLY, trip_pressure
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Report, WARN
@@ -65,6 +67,8 @@ class Volume:
         self._slope = np.gradient(volume, self._grid).tolist()
         #: Smallest and largest volume in operation (strain 0 to 0.3), m^3.
         self.ends = min(self._volume[150:451]), max(self._volume[150:451])
+        #: Largest relative change of the volume per strain there.
+        self.steepest = float(np.max(np.abs(self._slope[150:451]) / volume[150:451]))
 
     def at(self, strain: float) -> tuple[float | None, float]:
         """Return volume (m^3) and dV/dstrain; (None, 0) where the strain is not known."""
@@ -92,6 +96,12 @@ class Air:
         self._volumes = Volume(bundle, unit - 1, node.p['tube_volume'])
         self.strain, self.supply = Latest('strain'), Latest('supply')
         self.inflow = InflowWatch(f'mu{unit}', self._inflow_config(config))
+        self._strain_noise = NoiseState()
+        margin = self.inflow.config.margin
+        #: Jump of the strain that needs no second reading: at constant gas it moves the pressure by half
+        #: of the tolerated error at most.
+        self._jump = 0.5 * margin / (
+            (self._max_pressure + margin + node.ambient) * self._volumes.steepest)
         self._supply_watch = SupplyWatch(node.p['supply.pressure'], LATCH_TIME)
         self._begun = -math.inf
 
@@ -119,6 +129,16 @@ class Air:
     def _patience(self) -> float:
         """Largest age of strain and supply, s; in lock-step they come with the pressure."""
         return math.inf if self._node.lock_step else self._node.p['auxiliary_timeout']
+
+    def take_strain(self, strain: float, rate: float) -> None:
+        """Take strain and rate (1/s); a spike is left out, see `observer.confirmed`."""
+        noise = self._strain_noise
+        if math.isfinite(strain):
+            kept = confirmed(noise, strain, self._jump)
+            learn_noise(noise, strain, USUAL_NOISE, 1.0 / self._node.p['rate'])
+            if kept != strain:
+                return
+        self.strain.take(strain, rate)
 
     def now(self) -> tuple[float | None, float | None, float]:
         """

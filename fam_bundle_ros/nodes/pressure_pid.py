@@ -178,7 +178,7 @@ class PressurePidNode(BundleNode):
         if self.lock_step:
             self._collect('strain', interface.stamp_ns(message.header.stamp), value)
         else:
-            self._air.strain.take(*value)
+            self._air.take_strain(*value)
 
     def _on_supply(self, message: FluidPressure) -> None:
         value = interface.read_pressure(message, self.ambient, self.p['pressure_is_gauge'])
@@ -233,7 +233,7 @@ class PressurePidNode(BundleNode):
         gate = self._gate
         setpoint = gate.value('setpoint')
         self._setpoint = None if setpoint is None else (gate.stamp, setpoint)
-        self._air.strain.take(*gate.value('strain', (math.nan, math.nan)))
+        self._air.take_strain(*gate.value('strain', (math.nan, math.nan)))
         self._air.supply.take(gate.value('supply', math.nan))
         self._answer(gate.stamp, gate.value('pressure', math.nan))
 

@@ -42,9 +42,8 @@ class ReferenceIntake:
         #: Rate and age of the valid messages.
         self.meter = Meter()
         self._kind = ''
-        #: Since the last report: kinds before and after each change, reasons of refusals.
+        #: Kinds before and after each change since the last report.
         self._changes: list[tuple[str, str]] = []
-        self._refused: list[str] = []
         for topic, kind, read in (
                 (interface.REFERENCE_FORCE, WrenchStamped, self._force),
                 (interface.REFERENCE_STRAIN, JointState, self._strain),
@@ -52,26 +51,20 @@ class ReferenceIntake:
             node.subscribe(topic, kind, self._reader(read))
 
     def report(self, report: Report) -> None:
-        """Add rate and age, and warnings of refused references and changes of their kind."""
+        """Add rate and age, and a warning of changes of their kind."""
         self.meter.report(report, 'reference')
-        if self._refused:
-            report.add(WARN, f'{len(self._refused)} references refused: {self._refused[-1]}')
         if len(self._changes) > 1:
             report.add(WARN, f'references changed {len(self._changes)} times between '
                        + ' and '.join(sorted(self._changes[-1])))
-        self._refused, self._changes = [], []
+        self._changes = []
 
     def _reader(self, read: Callable[[Any, float], Reference]) -> Callable[[Any], None]:
-        """Return a callback that reads references, and counts refusals and changes of kind."""
+        """Return a callback that reads references, and notes changes of their kind."""
         def callback(message: Any) -> None:
             stamp = interface.stamp_ns(message.header.stamp)
             # `ros2 topic pub` and short programs leave the stamp at 0.
             time = 1e-9 * (stamp or self._node.get_clock().now().nanoseconds)
-            try:
-                reference = read(message, time)
-            except InputError as error:
-                self._refused.append(str(error))
-                raise
+            reference = read(message, time)
             self.meter.tick()
             if reference.kind != self._kind != '':
                 self._changes.append((self._kind, reference.kind))

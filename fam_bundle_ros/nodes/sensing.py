@@ -20,6 +20,8 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
+from fam_bundle_ros.control.observer import confirmed, learn_noise, NoiseState
+from fam_bundle_ros.control.rate import USUAL_NOISE
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, REMIND
 from fam_bundle_ros.nodes.diagnostics import Meter, Report
@@ -50,11 +52,12 @@ class Sample:
 
 
 class StrainRate:
-    """Differentiates a strain without velocity, with a low-pass."""
+    """Differentiates a strain without velocity, with a low-pass; spikes are left out."""
 
     def __init__(self) -> None:
         self._last: tuple[int, float] | None = None
         self._rate = 0.0
+        self._noise = NoiseState()
 
     def update(self, stamp: int, strain: float) -> float:
         """Return the rate, 1/s; restarts after a reading that is not finite."""
@@ -62,9 +65,14 @@ class StrainRate:
             self._last = None
             return math.nan
         if self._last is None:
-            self._rate = 0.0
-        elif stamp > self._last[0]:
-            dt = (stamp - self._last[0]) * 1e-9
+            self._last, self._rate, self._noise = (stamp, strain), 0.0, NoiseState()
+        dt, noise = (stamp - self._last[0]) * 1e-9, self._noise
+        still = strain - self._rate * dt
+        kept = confirmed(noise, still, USUAL_NOISE)
+        learn_noise(noise, strain, USUAL_NOISE, dt)
+        if kept != still:
+            return self._rate
+        if dt > 0.0:
             gain = -math.expm1(-2.0 * math.pi * _RATE_CUTOFF * dt)
             self._rate += gain * ((strain - self._last[1]) / dt - self._rate)
         self._last = (stamp, strain)

@@ -113,6 +113,14 @@ def test_bad_reading_holds_then_vents(watch, bad, text):
     assert set(healths[first:]) == {Health.VENT}
 
 
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_is_missing_and_not_stuck(watch, bad):
+    """It vents without a latch, however long it repeats while the reading must move."""
+    feed(watch, 0.0, 2.0, lambda k: bad, moving=True)
+    assert (watch.health, watch.cause) == (Health.VENT, '')
+    assert feed(watch, 2.0, 2.5, lambda k: 10.0 + k)[-1] == Health.GOOD
+
+
 def test_silence_holds_then_vents(watch):
     """Nothing for timeout: hold; for hold_time more: vent."""
     assert watch.check(100.0) == Health.WAITING

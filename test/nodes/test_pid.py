@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pressure PID node with the simulated rig."""
 
+import math
 import time
 
 import pytest
@@ -383,6 +384,31 @@ def test_a_reading_that_stays_near_the_trip_is_tested_by_a_little_exhaust(graph,
     pulses = [command for command in commands[:-1] if command < 0.0]
     assert len(pulses) == 2
     assert min(pulses) > -0.5
+
+
+@pytest.mark.parametrize('spike', [0.15, -0.08, -0.2])
+def test_a_spike_of_the_strain_is_no_fault_of_the_pressure(graph, pair, spike):
+    """The gas volume does not follow it: nothing latches, and the pressures stay as they are."""
+    rig, pids = pair()
+    graph.answer_pressures(2, lambda unit, t: 340e3 / unit)
+    graph.advance(rig, 1.0)
+    count = len(graph.pacer.log)
+    graph.set('plant_simulator', faults__spike=f'strain={spike}')
+    graph.advance(rig, 0.5)
+    assert [pid._guard.word for pid in pids] == ['ACTIVE', 'ACTIVE']
+    for _, truth, _ in graph.pacer.log[count:]:
+        assert truth.pressure == pytest.approx([340e3, 170e3], abs=2e3)
+
+
+def test_a_strain_that_jumps_for_good_counts_from_its_second_reading(graph):
+    """Strain and velocity of the first are left out: either may be a spike; also after a loss."""
+    node = graph.add(PressurePidNode(1, context=graph.context))
+    lost, seen = (math.nan, math.nan), []
+    for strain, rate in [(0.1, 0.0)] * 5 + [lost, (0.1, 0.0), (0.2, 4.0)] + [(0.2, 0.5)] * 2:
+        node._on_strain(interface.strain_message(graph.probe.now_ns(), strain, rate, 0.127))
+        seen.append(node._air.strain.value(5.0))
+    assert seen[5] == pytest.approx(lost, nan_ok=True)
+    assert seen[6:] == [pytest.approx(pair) for pair in [(0.1, 0.0)] * 2 + [(0.2, 0.5)] * 2]
 
 
 def test_strain_and_supply_expire(graph):

@@ -125,7 +125,7 @@ def test_diagnostics_warn_of_who_talks_in_between(graph, live):
 
     def no_number():
         force.publish(interface.force_message(1, float('nan')))
-        return warned('references refused: reference is nan')
+        return warned('refused: reference is nan')
     graph.until(no_number, 'the refusal')
 
 

@@ -14,6 +14,9 @@ from fam_bundle_ros.errors import InputError
 from fam_bundle_ros.nodes import interface, sensing
 from fam_bundle_ros.nodes.base import BundleNode, LISTENER
 from fam_bundle_ros.nodes.diagnostics import Report
+from fam_bundle_ros.nodes.model_monitor import ModelMonitor
+from fam_bundle_ros.nodes.pressure_pid import PressurePidNode
+from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
 from fam_bundle_ros.units import FASTEST
 
 
@@ -48,6 +51,21 @@ def test_a_velocity_that_no_muscle_has_is_as_good_as_none(graph, velocity):
     assert ('velocity' in node._said) == (velocity != [] and not math.isnan(velocity[0]))
 
 
+@pytest.mark.parametrize('rate', [0.0, 0.5])
+def test_a_spike_leaves_no_trace_in_the_rate_of_a_strain(rate):
+    """At rest and in motion: two spikes in a second, and a jump that stays, a sample late."""
+    differentiated = sensing.StrainRate()
+
+    def rates(begin, spikes, jump=0.0):
+        return [differentiated.update(k * 5_000_000, rate * k * 5e-3 + jump + spikes.get(k, 0.0))
+                for k in range(begin, begin + 200)]
+    assert rates(0, {50: 0.04, 120: -0.2})[40:] == pytest.approx([rate] * 160, abs=1e-3)
+    jumped = rates(200, {}, 0.02)
+    assert jumped[0] == pytest.approx(rate)
+    assert jumped[1] > rate + 1.0
+    assert jumped[-1] == pytest.approx(rate)
+
+
 @pytest.mark.parametrize('velocity', [[], [100.0]])
 def test_a_strain_that_moves_faster_than_any_muscle_is_no_reading(graph, velocity):
     """Percent for a ratio: near zero each reading is one that a muscle may have."""
@@ -79,6 +97,23 @@ def test_each_mistake_in_a_topic_has_its_line_whatever_the_numbers(graph):
         orders.publish(Bool(data=True))
     graph.until(lambda: not mistakes, 'all')
     assert len([key for key in graph.probe._said if 'orders' in key]) == 2
+
+
+def test_diagnostics_of_each_node_say_why_it_refuses_a_reading(graph):
+    """The driver's author sees which joint is missing, until the readings are right."""
+    graph.add(PressurePidNode(1, context=graph.context), RecruitmentNode(context=graph.context),
+              ModelMonitor(context=graph.context))
+    states = [graph.diagnostics(name) for name in
+              ('pressure_pid_mu1', 'recruitment_controller', 'model_monitor')]
+    strain = graph.probe.create_publisher(JointState, 'strain', 10)
+
+    def told(joint):
+        strain.publish(JointState(name=[joint], position=[0.1]))
+        return [bool(state) and state[-1].level > b'\x00' and
+                "refused: a strain message names the joints foo; expected 'strain' or "
+                "'contraction'" in state[-1].message for state in states]
+    graph.until(lambda: all(told('foo')), 'the reason')
+    graph.until(lambda: not any(told('strain')), 'diagnostics without it')
 
 
 @pytest.mark.parametrize(('rate', 'told'), [(200.0, True), (15.0, False), (1.0, True)])
