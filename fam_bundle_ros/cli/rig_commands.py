@@ -131,8 +131,9 @@ def check_rig(
     seconds: Annotated[float, typer.Option(help='How long readings are collected.', min=0.5,
                                            max=600.0)] = 3.0,
     model: Annotated[str | None, typer.Option('--model', '-m', metavar='MODEL', help='Model file, '
-                                              'or a shipped one, for number of units and length; '
-                                              'needed with --active.')] = None,
+                                              'or a shipped one, for number of units, length '
+                                              'and possible force; needed with --active.'
+                                              )] = None,
     gauge: Annotated[bool, typer.Option('--gauge', help='The rig sends gauge pressure, and '
                                         'pressure_is_gauge is set.')] = False,
     active: Annotated[bool, typer.Option('--active', help='Then open the valves, one at a time, '
@@ -155,6 +156,7 @@ def check_rig(
     drivers that do not vent in silence; the measured parameters go into a parameter file.
     """
     from fam_bundle_ros.nodes import rig_check
+    from fam_bundle_ros.nodes.recruitment_parameters import force_limits
     if active and model is None:
         raise InputError('--active without --model; expected the model file of the muscles on the '
                          'rig')
@@ -168,11 +170,15 @@ def check_rig(
     with progress_bar('check-rig') as tick:
         findings = rig_check.check_rig(
             namespace.strip('/'), seconds, units=bundle.n, length=bundle.length, gauge=gauge,
+            forces=force_limits(bundle.largest_force),
             progress=lambda elapsed: tick(elapsed / seconds))
     _show(findings)
-    result: dict[str, Any] = {'ok': all(finding.ok for finding in findings),
-                              'findings': findings}
-    if active and model is not None and result['ok']:
+    failed = ', '.join(finding.what for finding in findings if not finding.ok)
+    result: dict[str, Any] = {'ok': not failed, 'findings': findings}
+    if active and failed:
+        console.print(f'air test not started, {out} not written: first correct {failed}',
+                      markup=False, soft_wrap=True)
+    elif active and model is not None:
         confirm('The valves will be opened one at a time, up to the supply: is the regulator at '
                   f'{low / 1e3:.0f} kPa, is everybody away from the muscles, are hoses tied down '
                   'and the stop button within reach?', yes)

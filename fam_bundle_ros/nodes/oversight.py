@@ -31,6 +31,7 @@ from fam_bundle_ros.nodes import interface, loops
 from fam_bundle_ros.nodes.base import BundleNode, GAUGE
 from fam_bundle_ros.nodes.e_stop import EmergencyStop
 from fam_bundle_ros.nodes.loops import PressureLoops
+from fam_bundle_ros.nodes.recruitment_parameters import force_limits
 from fam_bundle_ros.nodes.sensing import Sample, Sensing
 from fam_bundle_ros.nodes.supply_enable import TIMEOUT
 from fam_bundle_ros.told import number
@@ -47,8 +48,6 @@ _EXHAUSTED = 2.0
 _HEAR = 0.5
 #: Tolerated error of model and load cell together, as a share of the blocked force.
 _FORCE_ERROR = 0.05
-#: Usual limits of the force reading, N; those of a bundle with larger forces are larger.
-_FORCES = -200.0, 5000.0
 
 
 class Oversight:
@@ -102,8 +101,11 @@ class Oversight:
     def _make_watches(self, largest: float) -> list[SensorWatch]:
         """Return the watches of all readings; ``largest`` force of the model, N."""
         p = self._node.p
-        lowest = p['force_low'] or min(_FORCES[0], -0.5 * largest)
-        highest = p['force_high'] or max(_FORCES[1], 2.0 * largest)
+        lowest, highest = force_limits(largest, p['force_low'], p['force_high'])
+        if highest < largest:
+            text = (f'force_high is {highest:g} N, but the model reaches {largest:.0f} N at '
+                    'max_pressure: a force in between counts as a broken load cell, and vents')
+            self._node.say(text, text)
 
         def config(low: float, high: float, stuck: float, below: str = '') -> WatchConfig:
             return WatchConfig(low, high, p['sensor_timeout'], p['hold_time'],

@@ -21,6 +21,8 @@ from fam_bundle_ros.nodes.base import LATENCY, LISTENER, MODEL
 from fam_bundle_ros.nodes.parameters import Spec
 
 _SWITCHING, _OUTER, _BASELINE = SwitchingConfig(), OuterConfig(), BaselineConfig()
+#: Usual limits of the force reading, N; those of a bundle with larger forces are larger.
+_FORCES = -200.0, 5000.0
 #: Fields of the schemes without a model that are parameters: name, meaning, largest value.
 _BASELINE_FIELDS = (
     ('force_gain', 'gain on the force error, relative to the range of the force', 100.0),
@@ -96,10 +98,10 @@ SPECS = (
          'rig without an emergency stop'),
     Spec('over_pressure_factor', OVER_PRESSURE_FACTOR, 'vent and latch above the largest '
          'pressure times this', 1.0, 3.0, dynamic=True, guards=True),
-    Spec('force_low', 0.0, 'smallest possible force reading, N; 0: -200, or minus half of the '
-         'largest force of the model where that is lower', -1e5, 0.0),
-    Spec('force_high', 0.0, 'largest possible force reading, N; 0: 5000, or twice the largest '
-         'force of the model where that is more', 0.0, 1e5),
+    Spec('force_low', 0.0, 'smallest possible force reading, and reference, N; 0: -200, or minus '
+         'half of the largest force of the model where that is lower', -1e5, 0.0),
+    Spec('force_high', 0.0, 'largest possible force reading, and reference, N; 0: 5000, or twice '
+         'the largest force of the model where that is more', 0.0, 1e5),
     Spec('strain_low', -0.2, 'smallest possible strain reading', -1.0, 0.0),
     Spec('strain_high', 0.6, 'largest possible strain reading', 0.0, 1.0),
     Spec('sensor_timeout', 0.1, 'a reading older than this is stale, s', 0.01, 10.0),
@@ -114,6 +116,16 @@ SPECS = (
     Spec('strain_stuck_time', 0.0, 'the same for strain; 0, for never, as a load may hold it',
          0.0, 60.0),
 )
+
+
+def force_limits(largest: float, low: float = 0.0, high: float = 0.0) -> tuple[float, float]:
+    """
+    Return the smallest and largest possible force reading, N.
+
+    ``low`` and ``high`` are ``force_low`` and ``force_high`` (N), 0 for a limit that follows from
+    the ``largest`` force of the model (N).
+    """
+    return low or min(_FORCES[0], -0.5 * largest), high or max(_FORCES[1], 2.0 * largest)
 
 
 def controller_config(values: Mapping[str, Any]) -> ControllerConfig:

@@ -17,6 +17,7 @@ from fam_bundle_ros.model import Bundle
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode
 from fam_bundle_ros.nodes.diagnostics import Meter, Report, WARN
+from fam_bundle_ros.nodes.recruitment_parameters import force_limits
 from fam_bundle_ros.units import FASTEST
 
 #: A change between two references above this share of the range is a step.
@@ -37,6 +38,8 @@ class ReferenceIntake:
         self._units = bundle.n
         self._length = bundle.length
         self._pressures = DirectPressures(bundle)
+        self._forces = force_limits(bundle.largest_force, node.p['force_low'],
+                                    node.p['force_high'])
         self._force_rate = ReferenceRate(_STEP * bundle.largest_force)
         self._strain_rate = ReferenceRate(_STEP * FULL_STRAIN)
         #: Rate and age of the valid messages.
@@ -73,7 +76,11 @@ class ReferenceIntake:
         return callback
 
     def _force(self, message: WrenchStamped, time: float) -> Reference:
-        value = _within(interface.read_force(message), 1e5)
+        value, (low, high) = interface.read_force(message), self._forces
+        if not low <= value <= high:
+            # Reached, it would be taken for a broken load cell.
+            raise InputError(f'reference is {value:g} N; expected {low:g} to {high:g} N '
+                             '(force_low, force_high)')
         return Reference('force', value, self._force_rate.update(time, value))
 
     def _strain(self, message: JointState, time: float) -> Reference:
@@ -83,15 +90,11 @@ class ReferenceIntake:
         if not abs(rate) <= FASTEST:
             raise InputError(f'reference moves at {rate:g} 1/s; expected a size up to '
                              f'{FASTEST:g}')
-        return Reference('strain', _within(value, 1.0), rate)
+        if not abs(value) <= 1.0:
+            raise InputError(f'reference is {value:g}; expected a size up to 1')
+        return Reference('strain', value, rate)
 
     def _pressure(self, message: JointState, time: float) -> Reference:
         reference = Reference('pressure', pressure=interface.read_pressures(message, self._units))
         self._pressures.checked(reference)
         return reference
-
-
-def _within(value: float, limit: float) -> float:
-    if not abs(value) <= limit:
-        raise InputError(f'reference is {value:g}; expected a size up to {limit:g}')
-    return value

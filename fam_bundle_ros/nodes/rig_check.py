@@ -32,9 +32,6 @@ _HIGHEST = 1.5e6
 _NEAR = 0.15 * ATMOSPHERE
 #: Force (N) and strain below which neither sign nor unit can be determined.
 _LITTLE_FORCE, _LITTLE_STRAIN = 20.0, 0.02
-#: Force with which a vented bundle at most pushes back when it is pressed together, N: a reading
-#: below is taken as a broken sensor (`force_low` of config/rig.yaml).
-_PUSH = 50.0
 #: Slowest rate that the control loop can use, Hz.
 _SLOWEST = 50.0
 #: A larger latency than this comes from clocks that differ, not from the network, s.
@@ -99,7 +96,8 @@ class _Listener(BundleNode):
                 if self.count_publishers(name)}
 
 
-def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, units: int = 1,
+def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *,
+              forces: tuple[float, float], units: int = 1,
               domain: int | None = None, length: float = 0.127, gauge: bool = False,
               patience: float = 5.0,
               progress: Callable[[float], None] | None = None) -> list[Finding]:
@@ -111,6 +109,8 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
     namespace : str
     seconds : float
         How long readings are collected.
+    forces : tuple of float, N
+        Smallest and largest possible force, as of `force_limits`.
     units : int
         Motor units that the rig must have; more are checked too, with a note.
     domain : int, optional
@@ -149,7 +149,7 @@ def check_rig(namespace: str = interface.NAMESPACE, seconds: float = 3.0, *, uni
                 raise KeyboardInterrupt
             more = [Finding(True, 'motor units', f'{there}, but {units} in the model: no node '
                             'commands the others', note=True)] if there > units else []
-            return more + _judge(node, max(units, there), seconds, gauge)
+            return more + _judge(node, max(units, there), seconds, gauge, forces)
 
 
 def _pressures(units: int) -> list[str]:
@@ -175,7 +175,8 @@ def _listen(node: _Listener, length: float) -> int:
     return units
 
 
-def _judge(node: _Listener, units: int, seconds: float, gauge: bool) -> list[Finding]:
+def _judge(node: _Listener, units: int, seconds: float, gauge: bool,
+           forces: tuple[float, float]) -> list[Finding]:
     types = node.types()
     expected = {topic.name: topic for topic in interface.topics(units)}
     findings = []
@@ -189,7 +190,7 @@ def _judge(node: _Listener, units: int, seconds: float, gauge: bool) -> list[Fin
                                     + (' (optional)' if optional else '')))
             continue
         findings += _judge_channel(name, node.rows.get(name, []), node.bad.get(name), seconds,
-                                   gauge)
+                                   gauge, forces)
     for i in range(units):
         name = interface.valve_topic(i + 1)
         heard = node.count_subscribers(name)
@@ -203,7 +204,7 @@ def _judge(node: _Listener, units: int, seconds: float, gauge: bool) -> list[Fin
 
 
 def _judge_channel(name: str, rows: list[tuple[float, int, float, float]], bad: str | None,
-                   seconds: float, gauge: bool) -> list[Finding]:
+                   seconds: float, gauge: bool, forces: tuple[float, float]) -> list[Finding]:
     if bad:
         return [Finding(False, name, bad)]
     if len(rows) < 5:
@@ -231,7 +232,7 @@ def _judge_channel(name: str, rows: list[tuple[float, int, float, float]], bad: 
                                 'same; is it alive? Set stuck_time to 0 for an instrument without '
                                 'noise', note=True))
     if len(finite):
-        findings.append(_judge_values(name, finite, gauge))
+        findings.append(_judge_values(name, finite, gauge, forces))
     return findings
 
 
@@ -259,24 +260,26 @@ def _gaps(name: str, longest: float) -> Finding | None:
                    f'{WatchConfig.timeout:g} s (sensor_timeout)', note=True)
 
 
-def _judge_values(name: str, values: np.ndarray, gauge: bool) -> Finding:
+def _judge_values(name: str, values: np.ndarray, gauge: bool,
+                  forces: tuple[float, float]) -> Finding:
     middle = float(np.median(values))
     noise = spread(np.diff(values)) / np.sqrt(2.0) if len(values) > 2 else 0.0
     if name == interface.FORCE:
-        return _judge_force(middle, noise)
+        return _judge_force(middle, noise, forces)
     if name == interface.STRAIN:
         return _judge_strain(middle, noise)
     return _judge_pressure(name, middle, noise, gauge)
 
 
-def _judge_force(middle: float, noise: float) -> Finding:
+def _judge_force(middle: float, noise: float, forces: tuple[float, float]) -> Finding:
     seen = f'{middle:.2f} N, noise {noise:.2f} N'
     if abs(middle) < _LITTLE_FORCE:
         return Finding(True, 'force unit and sign', f'{seen}; cannot be determined at rest: pull '
                        'with a known weight, and see the same positive value in N', note=True)
-    if not -_PUSH < middle < 5000.0:
-        return Finding(False, 'force unit and sign', f'{seen}; expected N, tension positive: is '
-                       'the sign or the unit wrong?')
+    low, high = forces
+    if not low <= middle <= high:
+        return Finding(False, 'force unit and sign', f'{seen}; expected {low:.0f} to {high:.0f} '
+                       'N, tension positive: is the sign or the unit wrong?')
     return Finding(True, 'force sign', f'{seen}; whether it is N cannot be determined: compare '
                    'with a known weight' if middle > 0.0 else f'{seen}: right only if the bundle '
                    'is pressed together; pull with a known weight, and see the same positive '

@@ -139,12 +139,14 @@ def test_call_fails_where_there_is_no_bundle(fam_bundle, domain_id, monkeypatch)
 
 
 def test_check_rig_fails_where_there_is_no_rig(fam_bundle, domain_id, monkeypatch):
-    """Without a rig in the domain `check-rig` says what it misses and exits with 1."""
+    """Without a rig in the domain `check-rig` says what it misses, stops, and exits with 1."""
     # nothing comes, however long it waits
     monkeypatch.setattr(rig_check, 'check_rig', partial(rig_check.check_rig, patience=0.5))
-    result = fam_bundle('check-rig', '--seconds', '0.5', '--namespace', '/nobody')
+    result = fam_bundle('check-rig', '--seconds', '0.5', '--namespace', '/nobody', '--active',
+                        '--model', 'spie2021', '--yes')
     assert result.returncode == 1
     assert 'FAIL' in result.stdout
+    assert 'air test not started, my_rig.yaml not written: first correct force,' in result.stdout
 
 
 #: How many times as fast the stories are told; more, and the force has no time to come to rest.

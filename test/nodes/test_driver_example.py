@@ -214,7 +214,8 @@ class Board:
 names['main'].__globals__['Board'] = Board
 names['main']()
 """], stderr=subprocess.PIPE, text=True)
-    findings = check_rig(seconds=0.5, units=2, domain=domain_id, patience=15.0)
+    findings = check_rig(seconds=0.5, forces=(-200.0, 5000.0), units=2, domain=domain_id,
+                         patience=15.0)
     enable = graph.probe.create_publisher(Bool, 'supply_enable', 10)
     graph.probe.every(0.05, lambda: enable.publish(Bool(data=True)))
     graph.until(lambda: written.read_text().endswith('True [-1.0, -1.0]\n'), 'supply')

@@ -7,6 +7,7 @@ import math
 from geometry_msgs.msg import WrenchStamped
 import pytest
 from sensor_msgs.msg import FluidPressure, JointState
+import yaml
 
 from fam_bundle_ros.control.safety import Change, State
 from fam_bundle_ros.model import Bundle, catalogue, Geometry, MotorUnit, save_model
@@ -14,8 +15,13 @@ from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.loops import LoopState
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recruitment_controller import RecruitmentNode
+from fam_bundle_ros.resources import config_path
 
 from .whole_bundle import hold
+
+#: Limits of the force in the parameter file that users copy.
+RIG_YAML = {name: value for name, value in yaml.safe_load(
+    config_path('rig.yaml').read_text())['/**']['ros__parameters'].items() if 'force_' in name}
 
 
 @pytest.mark.parametrize(('fault', 'reason'), [
@@ -175,6 +181,7 @@ def test_burst_muscle_is_latched_by_all(graph, bundle):
 
 @pytest.mark.parametrize(('radius', 'given', 'limits'), [
     (6.35e-3, {}, (-200.0, 5000.0)), (40e-3, {}, None),
+    (40e-3, RIG_YAML, None),
     (40e-3, {'force_low': -50.0, 'force_high': 900.0}, (-50.0, 900.0))])
 def test_the_force_of_a_strong_bundle_is_no_broken_load_cell(graph, tmp_path, radius, given,
                                                                  limits):
@@ -188,3 +195,5 @@ def test_the_force_of_a_strong_bundle_is_no_broken_load_cell(graph, tmp_path, ra
     config = node._oversight.watches[0].config
     largest = float(bundle.blocked_force(bundle.max_pressure))
     assert (config.low, config.high) == pytest.approx(limits or (-0.5 * largest, 2.0 * largest))
+    told = [text for text in node._said if text.startswith('force_high is 900 N')]
+    assert bool(told) == (config.high < largest), node._said

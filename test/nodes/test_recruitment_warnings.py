@@ -149,6 +149,20 @@ def test_strain_reference_that_cannot_be_meant_is_refused(graph, names, position
     assert (node._reference.last.kind, node._reference.last.value) == ('force', 30.0)
 
 
+@pytest.mark.parametrize('beyond', [101.0, -31.0])
+def test_a_force_that_would_count_as_a_broken_load_cell_is_no_reference(graph, beyond):
+    """Reached, it would vent the bundle again and again; the reference before it stays."""
+    node = graph.add(RecruitmentNode(context=graph.context, overrides={
+        'force_low': -30.0, 'force_high': 100.0}))
+    force = graph.probe.create_publisher(WrenchStamped, 'reference/force', 10)
+    warned = warnings_of(graph)
+    graph.until(lambda: (force.publish(interface.force_message(1, 100.0)),
+                         node._reference.last is not None)[1], 'the reference')
+    graph.until(lambda: (force.publish(interface.force_message(2, beyond)), warned(
+        f'reference is {beyond:g} N; expected -30 to 100 N'))[1], 'the refusal')
+    assert node._reference.last.value == 100.0
+
+
 def test_diagnostics_explain_the_decision(graph, bundle):
     """State, margins, policy and rates are there for rqt."""
     rig, _ = bundle(hold(60.0))

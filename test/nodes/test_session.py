@@ -23,10 +23,10 @@ from fam_bundle_ros.nodes.bundle_bringup import make_nodes
 from fam_bundle_ros.nodes.process import Spinner
 from fam_bundle_ros.nodes.profile import Points
 from fam_bundle_ros.nodes.recording import record
+from fam_bundle_ros.nodes.recruitment_parameters import force_limits
 from fam_bundle_ros.nodes.reference_generator import ReferenceGenerator
 from fam_bundle_ros.nodes.rig_check import (
     _judge_channel,
-    _judge_force,
     _judge_latency,
     _judge_values,
     check_rig,
@@ -282,7 +282,7 @@ def running_bundle(domain_id, repository):
 def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id, tmp_path):
     """The simulator passes the check that a rig has to pass; its topics are recorded."""
     pytest.importorskip('rosbags')
-    findings = check_rig(seconds=1.0, domain=domain_id, patience=15.0)
+    findings = check_rig(seconds=1.0, forces=FORCES, domain=domain_id, patience=15.0)
     assert [str(f) for f in findings if not f.ok] == []
     text = '\n'.join(map(str, findings))
     # The reference of the trajectory at that moment: absolute, hence 101 kPa or more.
@@ -293,6 +293,8 @@ def test_check_rig_finds_all_right_and_record_hears_it(running_bundle, domain_id
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
 
+#: Limits of the force for a bundle of the usual size, N.
+FORCES = force_limits(0.0)
 #: A driver in a process of its own: force, strain, stamp of force, pressure as it is sent.
 DRIVER = """
 import sys, time
@@ -324,7 +326,8 @@ def check_driver(domain_id, force, strain, stamp, pressure, **options):
                                 repr((force, strain, stamp, pressure))], stdout=subprocess.PIPE)
     try:
         process.stdout.readline()   # it is up
-        return check_rig('driver', 1.0, domain=domain_id, **{'patience': 15.0, **options})
+        return check_rig('driver', 1.0, domain=domain_id,
+                         **{'patience': 15.0, 'forces': FORCES, **options})
     finally:
         process.terminate()
         process.wait(60)
@@ -332,10 +335,11 @@ def check_driver(domain_id, force, strain, stamp, pressure, **options):
 
 def test_check_rig_says_what_is_wrong(domain_id):
     """Gauge pressure, strain in %, no stamps, nobody at the valves, no MU2: one finding each."""
-    findings = check_driver(domain_id, -80.0, 12.0, 0, 20e3, units=2, patience=5.0)
+    findings = check_driver(domain_id, -80.0, 12.0, 0, 20e3, units=2, patience=5.0,
+                            forces=(-60.0, 900.0))
     wrong = {f.what: f.detail for f in findings if not f.ok}
     assert 'zero or go backwards' in wrong['force stamps']
-    assert 'tension positive' in wrong['force unit and sign']
+    assert 'expected -60 to 900 N, tension positive' in wrong['force unit and sign']
     assert 'not % or mm' in wrong['strain unit and sign']
     assert 'pressure_is_gauge' in wrong['mu1/pressure unit']
     assert 'no subscriber' in wrong['mu1/valve_command']
@@ -345,10 +349,14 @@ def test_check_rig_says_what_is_wrong(domain_id):
     assert ' ms, jitter ' in latency.detail
 
 
-def test_a_vented_bundle_that_is_pressed_together_does_not_fail_the_check():
-    """It pushes back, so the force is negative; a failure would refuse `check-rig --active`."""
-    finding = _judge_force(-32.0, 0.4)
-    assert (finding.verdict, 'pressed together' in finding.detail) == ('note', True), finding
+@pytest.mark.parametrize(('largest', 'force', 'verdict'), [
+    (130.0, -62.0, 'note'), (130.0, -250.0, 'FAIL'), (1885.0, -250.0, 'note'),
+    (1885.0, -1000.0, 'FAIL'), (13e3, 7e3, 'note'), (1885.0, 7e3, 'FAIL')])
+def test_check_rig_judges_a_force_by_the_limits_of_the_controller(largest, force, verdict):
+    """A vented bundle that is pressed together pushes back; a strong one more than a small one."""
+    finding = _judge_values('force', np.full(50, force), False, force_limits(largest))
+    assert finding.verdict == verdict, finding
+    assert ('pressed together' in finding.detail) == (verdict == 'note' and force < 0.0)
 
 
 @pytest.mark.parametrize(('latency', 'verdict', 'text'), [
@@ -374,7 +382,7 @@ def test_check_rig_shows_latency_and_whether_the_clocks_agree(latency, verdict, 
 ])
 def test_check_rig_tells_gauge_from_absolute_and_from_kpa(pressure, gauge, verdict, text):
     """A gauge driver that is set up as one passes; what rest does not show is left to you."""
-    found = _judge_values('mu1/pressure', np.full(50, pressure), gauge)
+    found = _judge_values('mu1/pressure', np.full(50, pressure), gauge, FORCES)
     assert found.verdict == verdict
     assert text in found.detail
     assert ('pressure_is_gauge' in found.detail) == (text in ('pressure_is_gauge',
@@ -383,15 +391,15 @@ def test_check_rig_tells_gauge_from_absolute_and_from_kpa(pressure, gauge, verdi
 
 def test_check_rig_leaves_a_force_and_a_strain_at_rest_to_you():
     """Near zero neither unit nor sign can be told; further off both can."""
-    for name, rest, work, wrong in (('force', 2.0, 80.0, -80.0), ('strain', 0.0, 0.1, 12.0)):
-        verdicts = [_judge_values(name, np.full(50, value), False).verdict
+    for name, rest, work, wrong in (('force', 2.0, 80.0, -800.0), ('strain', 0.0, 0.1, 12.0)):
+        verdicts = [_judge_values(name, np.full(50, value), False, FORCES).verdict
                     for value in (rest, work, wrong)]
         assert verdicts == ['note', 'note' if name == 'force' else 'ok', 'FAIL']
 
 
 def test_check_rig_notes_a_strain_below_zero():
     """That of an encoder with the wrong sign, or of a bundle that a load stretches."""
-    finding = _judge_values('strain', np.full(50, -0.05), False)
+    finding = _judge_values('strain', np.full(50, -0.05), False, FORCES)
     assert (finding.verdict, 'only if the bundle is stretched' in finding.detail) == ('note', True)
 
 
@@ -399,7 +407,8 @@ def test_check_rig_notes_a_strain_below_zero():
 def test_check_rig_takes_fifty_readings_a_second_as_they_are_counted(rate, verdict):
     """A timer of 20 ms is late rather than early."""
     rows = [(k / rate, int(1e9 * k / rate) + 10**9, 1e-3, 50.0 + k % 3) for k in range(100)]
-    found = {each.what: each for each in _judge_channel('force', rows, None, 2.0, False)}
+    found = {each.what: each for each in _judge_channel(
+        'force', rows, None, 2.0, False, FORCES)}
     assert found['force rate'].verdict == verdict, found['force rate'].detail
 
 
@@ -408,7 +417,7 @@ def test_check_rig_notes_readings_that_drop_out(gap):
     """At such a rate on average, but lost for the controllers now and then."""
     times = 5e-3 * np.arange(400) + gap * (np.arange(400) > 200)
     rows = [(time, int(1e9 * time) + 10**9, 1e-3, 50.0 + k % 3) for k, time in enumerate(times)]
-    gaps = [str(each) for each in _judge_channel('force', rows, None, 2.0, False)
+    gaps = [str(each) for each in _judge_channel('force', rows, None, 2.0, False, FORCES)
             if each.what == 'force gaps']
     assert len(gaps) == (gap > 0.0)
     assert all(text.startswith('note force gaps: none for 0.2') for text in gaps)
