@@ -98,8 +98,8 @@ class Air:
         self.inflow = InflowWatch(f'mu{unit}', self._inflow_config(config))
         self._strain_noise = NoiseState()
         margin = self.inflow.config.margin
-        #: Jump of the strain that needs no second reading: at constant gas it moves the pressure by half
-        #: of the tolerated error at most.
+        #: Jump of the strain that needs no second reading: at constant gas it moves the pressure
+        #: by half of the tolerated error at most.
         self._jump = 0.5 * margin / (
             (self._max_pressure + margin + node.ambient) * self._volumes.steepest)
         self._supply_watch = SupplyWatch(node.p['supply.pressure'], LATCH_TIME)
