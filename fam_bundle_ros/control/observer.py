@@ -75,8 +75,6 @@ class ObserverState:
         Error one and two ticks ago.
     change : float, N
         Mean size of the error's second differences; ``seen``: number of samples.
-    sudden : bool
-        The last reading departed from the one before: see `confirmed`.
     bank : list (4,), N
         Faster observers, the fastest last.
     lead : list (4,)
@@ -98,14 +96,17 @@ class ObserverState:
     before: float = 0.0
     change: float = 0.0
     seen: int = 0
-    sudden: bool = False
     bank: list[float] = field(default_factory=lambda: [0.0] * _BANK)
     lead: list[float] = field(default_factory=lambda: [0.0] * _BANK)
 
 
 @dataclass
 class NoiseState:
-    """Memory of `learn_noise` and `confirmed` for any signal; fields as in `ObserverState`."""
+    """
+    Memory of `learn_noise` and `confirmed` for any signal; fields as in `ObserverState`.
+
+    ``sudden``: the last reading departed from the one before.
+    """
 
     last: float = 0.0
     before: float = 0.0
@@ -142,7 +143,7 @@ def confirmed(state: Any, value: float, least: float) -> float:
 
     Parameters
     ----------
-    state : ObserverState, RateState, NoiseState
+    state : RateState, NoiseState
         Memory of the noise (`learn_noise`); ``sudden`` is written.
     value, least : float
         In the units of the signal.

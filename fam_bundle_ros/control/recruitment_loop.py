@@ -51,7 +51,7 @@ from fam_bundle_ros.control.friction import half_band, is_settled, learn_frictio
 from fam_bundle_ros.control.heading import heading_of, HeadingState
 from fam_bundle_ros.control.inverse import hold_bottoms, place_bottoms, Shares, total_of
 from fam_bundle_ros.control.jump import begin_jump, Jump, step_of, TOLERANCE
-from fam_bundle_ros.control.observer import confirmed, quick_noise, quick_of, shift, take_out_late
+from fam_bundle_ros.control.observer import confirmed, quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
@@ -133,8 +133,6 @@ class RecruitmentState:
         Time of the model; ``begun`` is false before the first tick.
     lost : float, s
         Time without a usable reading.
-    force : float, N
-        Model force of the tick before.
     units, fixed : list (n,)
         Active units in the order of filling; prescribed pressures, nan for the other units.
     final, shares : Shares
@@ -142,7 +140,7 @@ class RecruitmentState:
     jump : Jump
         The last step of a force reference.
     reading : MeasurementRecord
-        Readings of this tick without spikes of force and strain: see `observer.confirmed`.
+        Readings of this tick without a spike of the strain: see `observer.confirmed`.
     """
 
     table: CurveTable
@@ -167,7 +165,6 @@ class RecruitmentState:
     clock: float = 0.0
     begun: bool = False
     lost: float = 0.0
-    force: float = 0.0
 
 
 def recruitment_state(order: Any, grid: Any, pushes_back: bool) -> RecruitmentState:
@@ -284,25 +281,20 @@ def recruitment_step(settings: Any, model: Any, state: Any, measurement: Any, ki
         known = believed_force(table, model, reading.pressure, state.adaptation.force)
     set_moment(table, strain, strain_rate, state.clock, dt, start)
     force = believed_force(table, model, reading.pressure, state.adaptation.force)
-    # The error of a gain changes by less than the model force does.
-    error = confirmed(outer.observer, measurement.force - force,
-                      settings.step + abs(force - state.force))
-    reading.force, state.force = force + error, force
     if turned:
         jump = force - known
-        state.adaptation.believed += jump * take_out_late(outer.observer, error, jump)
+        state.adaptation.believed += jump * take_out_late(
+            outer.observer, reading.force - force, jump)
     learnt = state.adaptation
     believed = lagged(learnt, force, dt)
-    gained = adapt(settings, state, reading.force, dt)
-    believed, state.force = believed + gained, state.force + gained
+    adapt(settings, state, reading.force, dt)
     stepped = step_of(settings, state.jump, kind, value, rate, dt)
     if stepped > 0.0:
         # The offset from the force at `enable` belongs to the reference before.
         outer.fade = 0.0
-    asked = outer.demand - state.shares.missing + gained
-    reach = loop_error(table, command.pressure)
-    outer_step(settings.outer, outer, reading, believed, asked, reach, kind, value, rate,
-               command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
+    outer_step(settings.outer, outer, reading, believed,
+               outer.demand - state.shares.missing, loop_error(table, command.pressure), kind,
+               value, rate, command.saturated, lag_of(learnt), lag_doubt(learnt), learnt.lead, dt)
     crossing = state.crossings.count > 0
     learn_friction(outer.friction, state.rate.direction, quick_of(outer.observer),
                    quick_noise(outer.observer, outer.lag, dt), crossing, outer.lag, dt)
@@ -360,8 +352,9 @@ def is_usable(measurement: Any, kind: int, value: float, rate: float) -> bool:
 
 
 def take_reading(settings: Any, state: Any, measurement: Any) -> None:
-    """Write the readings of this tick but for the force; a spike of the strain is left out."""
+    """Write the readings of this tick; a spike of the strain is left out."""
     reading, rate = state.reading, state.rate
+    reading.force = measurement.force
     reading.strain = confirmed(rate, measurement.strain, settings.outer.strain_reach)
     if reading.strain == measurement.strain:
         reading.strain_rate = measurement.strain_rate
@@ -424,15 +417,15 @@ def believed_force(table: Any, model: Any, pressure: Any, forces: Any) -> float:
     return total
 
 
-def adapt(settings: Any, state: Any, measured: float, dt: float) -> float:
+def adapt(settings: Any, state: Any, measured: float, dt: float) -> None:
     """
     Update the adaptation with the measured force (N), and apply its gains to the curves.
 
-    Return the force (N) that the model gains at the measured pressures. Observer and integral have
-    corrected it until now: they are reduced by it, so that no pressure moves.
+    The force that the model gains at the measured pressures was corrected by the integral until
+    now, where that corrects the model: the integral is changed by it, so that no pressure moves.
     """
     if not settings.adaptation.enabled:
-        return 0.0
+        return
     learnt, table, outer = state.adaptation, state.table, state.outer
     weight = 1.0
     if settings.outer.feedback:
@@ -449,12 +442,9 @@ def adapt(settings: Any, state: Any, measured: float, dt: float) -> float:
         gained -= adapted(table, unit, learnt.force[unit])
         table.pull[unit], table.push[unit] = 1.0 + learnt.error[unit], 1.0 + learnt.error[n]
         gained += adapted(table, unit, learnt.force[unit])
-    learnt.believed += gained
-    shift(outer.observer, -gained)
     if outer.kind == STRAIN or not settings.outer.feed_forward:
         outer.integral += gained
         outer.kept += gained
-    return gained
 
 
 # --- output --------------------------------------------------------------------------------------

@@ -65,12 +65,14 @@ def test_force_that_is_asked_for_and_does_not_come_is_asked_for_again(rate, afte
 
 def test_a_reading_far_from_the_one_before_counts_once_the_next_confirms_it():
     """Every second reading may be a spike; noise, small steps and the first readings are none."""
-    state, _ = observed(lambda t: 0.0, 2.0)
-    state.last, rest = 0.1, 2.0
+    state, draw, rest = NoiseState(), random.Random(2), 2.0
+    for _ in range(500):
+        learn_noise(state, draw.gauss(0.0, NOISE), 0.1, DT)
+    state.last = 0.1
     assert [confirmed(state, value, rest) for value in (50.0, 0.2, 50.0, 49.0, 90.0)] == [
         0.1, 0.2, 0.1, 49.0, 90.0]
     assert confirmed(state, 0.1 + 4.0 * NOISE, rest) == 0.1 + 4.0 * NOISE
-    assert confirmed(ObserverState(), 50.0, rest) == 50.0
+    assert confirmed(NoiseState(), 50.0, rest) == 50.0
     state.change = 0.0
     assert confirmed(state, 2.0, rest) == 2.0
     assert confirmed(state, 2.2, rest) == 0.1
