@@ -103,7 +103,7 @@ class ObserverState:
 @dataclass
 class NoiseState:
     """
-    Memory of `learn_noise` and `confirmed` for any signal; fields as in `ObserverState`.
+    Memory of `learn_noise` and `may_be_spike` for any signal; fields as in `ObserverState`.
 
     ``sudden``: the last reading departed from the one before.
     """
@@ -134,23 +134,23 @@ def begin_at(state: Any, error: float) -> None:
         state.bank[k] = error
 
 
-def confirmed(state: Any, value: float, least: float) -> float:
+def may_be_spike(state: Any, value: float, least: float) -> bool:
     """
-    Return a reading, or the one before if it departs from that and no other confirms it yet.
+    Return whether a reading departs from the one before, and none before it did so.
 
-    A reading that departs from the one before by more than noise does, and by more than ``least``,
-    may be a spike. If the next one departs as well, it was a change, and acts one sample late.
+    It departs by more than noise does, and by more than ``least``. If the next one departs as
+    well, it is no spike but a change, which so acts one sample late.
 
     Parameters
     ----------
     state : RateState, NoiseState
-        Memory of the noise (`learn_noise`); ``sudden`` is written.
+        Memory of the noise: `learn_noise` is to be called next. ``sudden`` is written.
     value, least : float
         In the units of the signal.
     """
     before = state.sudden
     state.sudden = state.seen >= 3 and abs(value - state.last) > _OUTLIER * state.change + least
-    return state.last if state.sudden and not before else value
+    return state.sudden and not before
 
 
 def low_pass(dt: float, time: float) -> float:

@@ -70,7 +70,7 @@ class RateState:
     lately : float
         The same mean over the shortest window.
     sudden : bool
-        The last reading departed from the one before: see `observer.confirmed`.
+        The last reading departed from the one before: see `observer.may_be_spike`.
     """
 
     reading: float = 0.0

@@ -51,7 +51,7 @@ from fam_bundle_ros.control.friction import half_band, is_settled, learn_frictio
 from fam_bundle_ros.control.heading import heading_of, HeadingState
 from fam_bundle_ros.control.inverse import hold_bottoms, place_bottoms, Shares, total_of
 from fam_bundle_ros.control.jump import begin_jump, Jump, step_of, TOLERANCE
-from fam_bundle_ros.control.observer import confirmed, quick_noise, quick_of, take_out_late
+from fam_bundle_ros.control.observer import may_be_spike, quick_noise, quick_of, take_out_late
 from fam_bundle_ros.control.outer import command_lag
 from fam_bundle_ros.control.outer_loop import (
     FORCE,
@@ -140,7 +140,7 @@ class RecruitmentState:
     jump : Jump
         The last step of a force reference.
     reading : MeasurementRecord
-        Readings of this tick without a spike of the strain: see `observer.confirmed`.
+        Readings of this tick; strain and rate of the one before where they may be a spike.
     """
 
     table: CurveTable
@@ -353,11 +353,10 @@ def is_usable(measurement: Any, kind: int, value: float, rate: float) -> bool:
 
 def take_reading(settings: Any, state: Any, measurement: Any) -> None:
     """Write the readings of this tick; a spike of the strain is left out."""
-    reading, rate = state.reading, state.rate
+    reading = state.reading
     reading.force = measurement.force
-    reading.strain = confirmed(rate, measurement.strain, settings.outer.strain_reach)
-    if reading.strain == measurement.strain:
-        reading.strain_rate = measurement.strain_rate
+    if not may_be_spike(state.rate, measurement.strain, settings.outer.strain_reach):
+        reading.strain, reading.strain_rate = measurement.strain, measurement.strain_rate
     for unit in range(len(reading.pressure)):
         reading.pressure[unit] = measurement.pressure[unit]
 

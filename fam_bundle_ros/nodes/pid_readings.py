@@ -15,7 +15,7 @@ import numpy as np
 
 from fam_bundle_ros.control import PidConfig
 from fam_bundle_ros.control.agreement import SupplyWatch
-from fam_bundle_ros.control.observer import confirmed, learn_noise, NoiseState
+from fam_bundle_ros.control.observer import learn_noise, may_be_spike, NoiseState
 from fam_bundle_ros.control.plausibility import InflowConfig, InflowWatch
 from fam_bundle_ros.control.rate import USUAL_NOISE
 from fam_bundle_ros.control.safety import LATCH_TIME, OVER_PRESSURE_FACTOR, SUPPLY, trip_pressure
@@ -131,14 +131,13 @@ class Air:
         return math.inf if self._node.lock_step else self._node.p['auxiliary_timeout']
 
     def take_strain(self, strain: float, rate: float) -> None:
-        """Take strain and rate (1/s); a spike is left out, see `observer.confirmed`."""
-        noise = self._strain_noise
+        """Take strain and rate (1/s); a spike is left out."""
+        noise, spike = self._strain_noise, False
         if math.isfinite(strain):
-            kept = confirmed(noise, strain, self._jump)
+            spike = may_be_spike(noise, strain, self._jump)
             learn_noise(noise, strain, USUAL_NOISE, 1.0 / self._node.p['rate'])
-            if kept != strain:
-                return
-        self.strain.take(strain, rate)
+        if not spike:
+            self.strain.take(strain, rate)
 
     def now(self) -> tuple[float | None, float | None, float]:
         """

@@ -20,7 +20,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import FluidPressure, JointState
 
-from fam_bundle_ros.control.observer import confirmed, learn_noise, NoiseState
+from fam_bundle_ros.control.observer import learn_noise, may_be_spike, NoiseState
 from fam_bundle_ros.control.rate import USUAL_NOISE
 from fam_bundle_ros.nodes import interface
 from fam_bundle_ros.nodes.base import BundleNode, REMIND
@@ -67,10 +67,9 @@ class StrainRate:
         if self._last is None:
             self._last, self._rate, self._noise = (stamp, strain), 0.0, NoiseState()
         dt, noise = (stamp - self._last[0]) * 1e-9, self._noise
-        still = strain - self._rate * dt
-        kept = confirmed(noise, still, USUAL_NOISE)
+        spike = may_be_spike(noise, strain - self._rate * dt, USUAL_NOISE)
         learn_noise(noise, strain, USUAL_NOISE, dt)
-        if kept != still:
+        if spike:
             return self._rate
         if dt > 0.0:
             gain = -math.expm1(-2.0 * math.pi * _RATE_CUTOFF * dt)

@@ -14,10 +14,10 @@ from fam_bundle_ros.control.observer import (
     average,
     begin_at,
     beyond_noise,
-    confirmed,
     forget_observer,
     learn_noise,
     low_pass,
+    may_be_spike,
     noise_gain,
     noise_of,
     NoiseState,
@@ -69,13 +69,13 @@ def test_a_reading_far_from_the_one_before_counts_once_the_next_confirms_it():
     for _ in range(500):
         learn_noise(state, draw.gauss(0.0, NOISE), 0.1, DT)
     state.last = 0.1
-    assert [confirmed(state, value, rest) for value in (50.0, 0.2, 50.0, 49.0, 90.0)] == [
-        0.1, 0.2, 0.1, 49.0, 90.0]
-    assert confirmed(state, 0.1 + 4.0 * NOISE, rest) == 0.1 + 4.0 * NOISE
-    assert confirmed(NoiseState(), 50.0, rest) == 50.0
+    assert [may_be_spike(state, value, rest) for value in (50.0, 0.2, 50.0, 49.0, 90.0)] == [
+        True, False, True, False, False]
+    assert not may_be_spike(state, 0.1 + 4.0 * NOISE, rest)
+    assert not may_be_spike(NoiseState(), 50.0, rest)
     state.change = 0.0
-    assert confirmed(state, 2.0, rest) == 2.0
-    assert confirmed(state, 2.2, rest) == 0.1
+    assert not may_be_spike(state, 2.0, rest)
+    assert may_be_spike(state, 2.2, rest)
 
 
 @pytest.mark.parametrize('rate', [1.0, 4.0, 16.0])
